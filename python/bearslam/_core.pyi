@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The compiled core: functions on arrays. The package wraps each of them once; call the package."""
+
+from collections.abc import Callable, Sequence
+from typing import Final, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Float = NDArray[np.float64]
+_Index = NDArray[np.int64]
+
+__version__: Final[str]
+
+class RawThreeView(TypedDict):
+    poses: _Float
+    landmarks: _Float
+    inconsistent: int
+    cost: float
+    near_collinear: bool
+
+class RawReconstruction(TypedDict):
+    poses: _Float
+    landmarks: _Float
+    residuals: _Float
+    cost: float
+    rms: float
+    converged: bool
+    termination: str
+    iterations: int
+    undetermined: list[tuple[str, int, str]]
+
+def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
+def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...
+def epipoles(tensor: _Float) -> _Float: ...
+def triangulate(poses: _Float, bearings: _Float) -> _Float: ...
+def resect(landmarks: _Float, bearings: _Float) -> _Float: ...
+def align(source: _Float, target: _Float) -> tuple[float, float, float, float]: ...
+def initialize(
+    views: int,
+    landmarks: int,
+    view: _Index,
+    landmark: _Index,
+    bearing: _Float,
+    sigma: _Float,
+    *,
+    method: str,
+    triples: int,
+    seed: int,
+    progress: Callable[[str, int, int], object] | None,
+) -> list[RawReconstruction]: ...
+def solve(
+    views: int,
+    landmarks: int,
+    view: _Index,
+    landmark: _Index,
+    bearing: _Float,
+    sigma: _Float,
+    *,
+    method: str,
+    triples: int,
+    candidates: int,
+    max_iterations: int,
+    damping: float,
+    tolerance: float,
+    seed: int,
+    progress: Callable[[str, int, int], object] | None,
+) -> list[RawReconstruction]: ...
+def refine(
+    views: int,
+    landmarks: int,
+    view: _Index,
+    landmark: _Index,
+    bearing: _Float,
+    sigma: _Float,
+    poses: _Float,
+    points: _Float,
+    *,
+    max_iterations: int,
+    damping: float,
+    tolerance: float,
+    progress: Callable[[str, int, int], object] | None,
+) -> RawReconstruction: ...
+def simulate(
+    layout: str,
+    views: int,
+    landmarks: int,
+    noise: float,
+    seed: int,
+    width: float,
+    height: float,
+    sight: float,
+) -> tuple[_Float, _Float, _Float]: ...

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Arguments into what the core wants, or an `InvalidInputError` naming argument, expectation and what came."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Sequence
+from typing import SupportsFloat, SupportsIndex, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bearslam.errors import InvalidInputError
+
+__all__ = ["FloatArray", "IntArray", "Progress", "choice", "floats", "indices", "observer", "real", "whole"]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+IntArray: TypeAlias = NDArray[np.int64]
+Progress: TypeAlias = Callable[[str, int, int], object]
+"""Called with the stage, the steps done and the steps in all."""
+
+INDEX_LIMIT = 2**24
+"""Views or landmarks in one problem: an index above it is an identifier that nobody has numbered from 0."""
+
+
+def floats(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
+    """Float64 array in C order, of the given shape (letters stand for any length).
+
+    Every entry is finite; with `missing`, NaN is allowed as well.
+    """
+    array = _array(name, value)
+    if array.dtype.kind not in "fiu":
+        raise InvalidInputError(f"{name}: expected real numbers, got an array of dtype {array.dtype}")
+    if array.ndim != len(shape) or any(
+        isinstance(want, int) and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
+        raise InvalidInputError(f"{name}: expected an array of shape {_shape(shape)}, got {_shape(array.shape)}")
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    bad = np.isinf(array) if missing else ~np.isfinite(array)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        wanted = "a finite number, or NaN for what was not seen" if missing else "a finite number"
+        raise InvalidInputError(f"{name}[{', '.join(map(str, where))}]: expected {wanted}, got {array[where]}")
+    return array
+
+
+def indices(name: str, value: ArrayLike) -> IntArray:
+    """Int64 array of shape (k,) with 0-based indices."""
+    array = _array(name, value)
+    if array.ndim != 1:
+        raise InvalidInputError(f"{name}: expected an array of shape (k,), got {_shape(array.shape)}")
+    if array.size == 0:
+        return np.empty(0, dtype=np.int64)
+    if array.dtype.kind not in "iu":
+        raise InvalidInputError(f"{name}: expected 0-based integers, got an array of dtype {array.dtype}")
+    bad = (array < 0) | (array >= INDEX_LIMIT)
+    if bad.any():
+        where = int(np.argmax(bad))
+        raise InvalidInputError(f"{name}[{where}]: expected an index from 0 to {INDEX_LIMIT - 1}, got {array[where]}")
+    return np.ascontiguousarray(array, dtype=np.int64)
+
+
+def whole(name: str, value: SupportsIndex, low: int) -> int:
+    """Integer that is at least `low` and fits 64 bits without a sign, or 63 where `low` is above 0."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise InvalidInputError(f"{name}: expected an integer, got {value!r}") from None
+    high = 2**63 - 1
+    if isinstance(value, bool | np.bool_) or not low <= number <= high:
+        raise InvalidInputError(f"{name}: expected an integer from {low} to {high}, got {value!r}")
+    return number
+
+
+def real(name: str, value: SupportsFloat, low: float, *, above: bool = False, infinite: bool = False) -> float:
+    """Real number that is at least (with `above`, more than) `low`; infinity only where it is allowed."""
+    wanted = f"a number {'above' if above else 'of at least'} {low:g}{', or infinity' if infinite else ''}"
+    try:
+        number = math.nan if isinstance(value, str | bytes | bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not (low < number if above else low <= number) or (math.isinf(number) and not infinite):
+        raise InvalidInputError(f"{name}: expected {wanted}, got {value!r}")
+    return number
+
+
+def choice(name: str, value: str, known: Sequence[str]) -> str:
+    """One of the known words."""
+    if not isinstance(value, str) or value not in known:
+        raise InvalidInputError(f"{name}: expected {' or '.join(map(repr, known))}, got {value!r}")
+    return value
+
+
+def observer(progress: Progress | None) -> Progress | None:
+    """Something that can be called, or nothing."""
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(f"progress: expected None or a function (stage, done, total), got {progress!r}")
+    return progress
+
+
+def _array(name: str, value: ArrayLike) -> NDArray[np.generic]:
+    if isinstance(value, np.ma.MaskedArray):
+        raise InvalidInputError(f"{name}: expected a plain array, got a masked one; use .filled(numpy.nan)")
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name}: expected an array of numbers, got rows that do not fit together") from error
+
+
+def _shape(shape: Sequence[int | str]) -> str:
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"

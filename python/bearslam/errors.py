@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The exceptions of the package: bad input and degenerate geometry are told apart by type."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+__all__ = ["BearslamError", "DegenerateError", "InvalidInputError"]
+
+
+class BearslamError(Exception):
+    """Base of every error that bearslam raises on purpose."""
+
+
+class InvalidInputError(BearslamError, ValueError):
+    """Input that no geometry could satisfy: wrong shape, dtype, range or count, an unreadable file.
+
+    The message names the argument (or file and line), what was expected and what came.
+    """
+
+
+class DegenerateError(BearslamError, ArithmeticError):
+    """Well-formed input whose geometry leaves the answer undetermined.
+
+    Parameters
+    ----------
+    message : str
+        What could not be determined, and why.
+    quantity : str
+        Name of the number that failed, for example ``"singular value gap"``.
+    value : float
+        What it came to.
+    bound : float
+        What it would have had to reach.
+    """
+
+    def __init__(self, message: str, *, quantity: str, value: float, bound: float) -> None:
+        super().__init__(message)
+        self.quantity = quantity
+        self.value = value
+        self.bound = bound
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The keyword-only arguments would be lost in the way exceptions are pickled by default.
+        make = partial(type(self), quantity=self.quantity, value=self.value, bound=self.bound)
+        return make, self.args, self.__dict__

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What can be wrong with the input or with the geometry.
+
+use core::fmt;
+
+/// Wrong input, or a geometry that does not determine the answer.
+///
+/// A refinement that does not converge is not an error: it ends with a
+/// `Termination` in its report.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Error {
+    /// Fewer items than the method needs.
+    TooFew {
+        /// What there are too few of.
+        what: &'static str,
+        /// How many the method needs.
+        needed: usize,
+        /// How many came.
+        got: usize,
+    },
+    /// Two arguments that belong together have different lengths.
+    LengthMismatch {
+        /// The argument.
+        what: &'static str,
+        /// The length the other arguments ask for.
+        expected: usize,
+        /// The length that came.
+        got: usize,
+    },
+    /// A number that is not finite where a finite one is needed.
+    NotFinite {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+    },
+    /// A standard deviation that is not positive.
+    NotPositive {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+        /// The value that came.
+        value: f64,
+    },
+    /// An index that is out of range.
+    OutOfRange {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+        /// The value that came.
+        value: usize,
+        /// Values must be below this.
+        bound: usize,
+    },
+    /// The same view sees the same landmark twice.
+    Duplicate {
+        /// The view.
+        view: usize,
+        /// The landmark.
+        landmark: usize,
+        /// Position of the first sighting.
+        first: usize,
+        /// Position of the second sighting.
+        second: usize,
+    },
+    /// A problem too large for the dense solver.
+    TooLarge {
+        /// What is too large.
+        what: &'static str,
+        /// The largest value that can be handled.
+        bound: usize,
+        /// The value that came.
+        got: usize,
+    },
+    /// The data do not determine the answer.
+    Degenerate {
+        /// The quantity that was tested.
+        quantity: &'static str,
+        /// Its value.
+        value: f64,
+        /// The bound that it violates.
+        bound: f64,
+    },
+    /// The caller asked to stop.
+    Interrupted,
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::TooFew { what, needed, got } => {
+                write!(f, "{what}: expected at least {needed}, got {got}")
+            }
+            Self::LengthMismatch {
+                what,
+                expected,
+                got,
+            } => write!(f, "{what}: expected {expected} values, got {got}"),
+            Self::NotFinite { what, index } => {
+                write!(
+                    f,
+                    "{what}: expected finite numbers, got one that is not at index {index}"
+                )
+            }
+            Self::NotPositive { what, index, value } => {
+                write!(
+                    f,
+                    "{what}: expected positive numbers, got {value} at index {index}"
+                )
+            }
+            Self::OutOfRange {
+                what,
+                index,
+                value,
+                bound,
+            } => write!(
+                f,
+                "{what}: expected indices below {bound}, got {value} at index {index}"
+            ),
+            Self::Duplicate {
+                view,
+                landmark,
+                first,
+                second,
+            } => write!(
+                f,
+                "sightings: expected each view to see a landmark once, got view {view} seeing \
+                 landmark {landmark} at index {first} and again at index {second}"
+            ),
+            Self::TooLarge { what, bound, got } => {
+                write!(f, "{what}: expected at most {bound}, got {got}")
+            }
+            Self::Degenerate {
+                quantity,
+                value,
+                bound,
+            } => {
+                write!(
+                    f,
+                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}"
+                )
+            }
+            Self::Interrupted => write!(f, "interrupted by the caller"),
+        }
+    }
+}
+
+impl core::error::Error for Error {}

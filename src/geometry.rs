@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Bearings, poses and similarities of the plane.
+
+mod align;
+mod bearing;
+
+pub use align::{align, transform_pose};
+pub use bearing::{Bearing, Pose, bearing_to, pose, signed_angle};

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A bearing is a unit vector in the frame of the view that measured it.
+
+use crate::scalar::Real;
+use nalgebra::{Isometry2, Point2, UnitComplex, Vector2};
+
+/// A direction measured in the frame of a view, counter-clockwise from its heading.
+///
+/// `Bearing::new(angle)` makes one from radians, `.angle()` gives radians in (-pi, pi].
+pub type Bearing<T> = UnitComplex<T>;
+
+/// Position and heading of a view: the map from the frame of the view to the map frame.
+///
+/// [`pose`] makes one from `(x, y, theta)`.
+pub type Pose<T> = Isometry2<T>;
+
+/// The pose `(x, y, theta)`; theta in radians, counter-clockwise.
+///
+/// # Example
+/// ```
+/// let pose = bearslam::pose(1.0, 2.0, 0.5);
+/// assert_eq!(pose.translation.x, 1.0);
+/// assert_eq!(pose.rotation.angle(), 0.5);
+/// ```
+pub fn pose<T: Real>(x: T, y: T, theta: T) -> Pose<T> {
+    Isometry2::new(Vector2::new(x, y), theta)
+}
+
+/// The bearing `atan2(R(theta)^T (x - p))` at which the view at `pose` sees `point`.
+///
+/// `None` when the point is at the position of the view.
+///
+/// # Example
+/// ```
+/// use nalgebra::Point2;
+/// let pose = bearslam::pose(0.0_f64, 0.0, 0.5);
+/// let bearing = bearslam::bearing_to(&pose, &Point2::new(1.0, 1.0)).unwrap();
+/// assert!((bearing.angle() - (core::f64::consts::FRAC_PI_4 - 0.5)).abs() < 1e-15);
+/// ```
+pub fn bearing_to<T: Real>(pose: &Pose<T>, point: &Point2<T>) -> Option<Bearing<T>> {
+    let local = pose.inverse_transform_point(point).coords;
+    let norm = local.norm();
+    (norm > T::zero())
+        .then(|| UnitComplex::new_unchecked(nalgebra::Complex::new(local.x / norm, local.y / norm)))
+}
+
+/// The angle of the vector `(x, y)` in (-pi, pi].
+///
+/// Residuals are small angles nearly always, so the arctangent of a small ratio is summed from its
+/// series: seven terms leave less than 1e-18 below [`SERIES_RANGE`].
+#[inline]
+pub fn signed_angle<T: Real>(x: T, y: T) -> T {
+    if y.abs() <= x * T::lit(SERIES_RANGE) && x > T::zero() {
+        let t = y / x;
+        let q = t * t;
+        let mut sum = T::lit(1.0 / 13.0);
+        for k in [11.0, 9.0, 7.0, 5.0, 3.0] {
+            sum = T::lit(1.0 / k) - q * sum;
+        }
+        t - t * q * sum
+    } else {
+        y.atan2(x)
+    }
+}
+
+/// Largest ratio for which [`signed_angle`] sums the series.
+const SERIES_RANGE: f64 = 1.0 / 16.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn series_equals_atan2() {
+        for k in -4000..4000 {
+            let y = f64::from(k) / 20_000.0;
+            let expected = y.atan2(1.7);
+            assert!((signed_angle(1.7, y) - expected).abs() <= 2.0 * f64::EPSILON * expected.abs());
+            assert_eq!(signed_angle(-1.7, y), y.atan2(-1.7));
+        }
+        assert_eq!(signed_angle(-1.0, 0.0), core::f64::consts::PI);
+        assert_eq!(signed_angle(0.0, 0.0), 0.0);
+    }
+}

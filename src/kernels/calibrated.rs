@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The trifocal tensor of calibrated bearings: five landmarks, and the motion in closed form.
+//!
+//! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
+//! u, v, w in views 0, 1, 2; coefficients A, B, C.
+
+use super::motion::LineMotion;
+use super::triangular::{NullSpace, TriangularFactor};
+use super::{TrifocalTensor, Triple};
+use crate::error::Error;
+use crate::scalar::Real;
+use nalgebra::Complex;
+
+/// The three complex coefficients of `Re(A u v w* + B u v* w + C u* v w) = 0`, equation (T1).
+///
+/// Every trilinear relation between three *calibrated* planar views has this form: the frequency
+/// `u v w` is absent, which removes two of the eight unknowns of the projective tensor and with them
+/// two of its seven landmarks. `|A|`, `|B|`, `|C|` are the distances between views 0 and 1, 2 and 0,
+/// 1 and 2, up to one scale.
+///
+/// # Reference
+/// K. Åström and M. Oskarsson, "Solutions and ambiguities of the structure and motion problem for 1D
+/// retinal vision", JMIV 12(2), 2000.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CalibratedTensor<T: Real> {
+    /// A, B, C, with `|A|^2 + |B|^2 + |C|^2 = 1`.
+    pub coefficients: [Complex<T>; 3],
+    /// The two smallest singular values of the (weighted) linear system, the smallest first. A
+    /// second one that is no larger than noise makes it says that the landmarks do not determine the
+    /// motion.
+    pub singular_values: [T; 2],
+}
+
+/// Fewest landmarks that determine the calibrated tensor linearly.
+pub(super) const MIN_LANDMARKS: usize = 5;
+
+impl<T: Real> CalibratedTensor<T> {
+    /// Estimates the tensor from the bearings of `n >= 5` landmarks.
+    ///
+    /// The null vector of one row per landmark; with `reweights > 0` the rows are divided by the
+    /// standard deviation that equal noise in all bearings gives them at the current estimate
+    /// (Sampson weights, (T4)) and the vector is found again, that many times. One or two reach the
+    /// accuracy of maximum likelihood.
+    ///
+    /// # Errors
+    /// [`Error::TooFew`] for fewer than five landmarks. [`Error::Degenerate`] when the second
+    /// smallest singular value is rounding: all landmarks lie on one cubic curve through the views
+    /// (a straight wall, a circle through them), or views coincide.
+    pub fn estimate(triples: &[Triple<T>], reweights: usize) -> Result<Self, Error> {
+        if triples.len() < MIN_LANDMARKS {
+            return Err(Error::TooFew {
+                what: "landmarks seen by three views",
+                needed: MIN_LANDMARKS,
+                got: triples.len(),
+            });
+        }
+        let mut tensor = Self::from_null_space(&null_space(triples, |_| T::one()));
+        for _ in 0..reweights {
+            tensor = Self::from_null_space(&null_space(triples, |row| tensor.weight(row)));
+        }
+        let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
+        if tensor.singular_values[1] > bound {
+            Ok(tensor)
+        } else {
+            Err(Error::Degenerate {
+                quantity: "second smallest singular value of the three-view system",
+                value: tensor.singular_values[1].as_f64(),
+                bound: bound.as_f64(),
+            })
+        }
+    }
+
+    fn from_null_space(null: &NullSpace<T, 6>) -> Self {
+        let v = &null.vectors[0];
+        Self {
+            coefficients: [
+                Complex::new(v[0], -v[1]),
+                Complex::new(v[2], -v[3]),
+                Complex::new(v[4], -v[5]),
+            ],
+            singular_values: null.singular_values,
+        }
+    }
+
+    /// One over the standard deviation of a row's residual for unit noise in the three angles, (T4).
+    ///
+    /// A landmark on top of a view has no gradient; its row then keeps a bounded weight.
+    #[inline]
+    fn weight(&self, [p, q, r]: &[Complex<T>; 3]) -> T {
+        let [a, b, c] = self.coefficients;
+        let (a, b, c) = (imaginary(a, *p), imaginary(b, *q), imaginary(c, *r));
+        let (fa, fb, fc) = (a + b - c, a - b + c, b + c - a);
+        T::one() / (fa * fa + fb * fb + fc * fc + T::eps()).sqrt()
+    }
+
+    /// The same relation as a 2x2x2 tensor of unit Frobenius norm, (T3).
+    pub fn tensor(&self) -> TrifocalTensor<T> {
+        let unit = [
+            Complex::new(T::one(), T::zero()),
+            Complex::new(T::zero(), T::one()),
+        ];
+        let entries = core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                core::array::from_fn(|k| {
+                    let (u, v, w) = (unit[i], unit[j], unit[k]);
+                    let [p, q, r] = products(u, v, w);
+                    let [a, b, c] = self.coefficients;
+                    (a * p + b * q + c * r).re
+                })
+            })
+        });
+        TrifocalTensor { entries }.normalized()
+    }
+
+    /// The cosine of the angle at view 0 between the baselines, from the three sides, (T6); beyond
+    /// [-1, 1] when noise has broken the triangle inequality.
+    pub fn kappa(&self) -> T {
+        let [a, b, c] = self.coefficients.map(|z| z.norm_sqr());
+        (c - a - b) / (T::lit(2.0) * (a * b).sqrt())
+    }
+
+    /// Both motions, mirror images in their triangle of views, each modulo pi in every heading.
+    ///
+    /// A triangle that noise has broken is replaced by the nearest one, which is flat; both motions
+    /// are then the same.
+    ///
+    /// # Errors
+    /// [`Error::Degenerate`] when a side of the triangle vanishes: two views coincide.
+    pub(super) fn line_motions(&self) -> Result<[LineMotion<T>; 2], Error> {
+        let sides = self.coefficients.map(|z| z.norm_sqr().sqrt());
+        let [la, lb, lc] = sides;
+        let shortest = la.min(lb).min(lc);
+        let bound = T::eps() * T::lit(64.0);
+        if !(shortest > bound) {
+            return Err(Error::Degenerate {
+                quantity: "shortest over longest distance between three views",
+                value: (shortest / la.max(lb).max(lc)).as_f64(),
+                bound: bound.as_f64(),
+            });
+        }
+        let phase: [Complex<T>; 3] =
+            core::array::from_fn(|k| self.coefficients[k] * (T::one() / sides[k]));
+        // Heron's formula: cos and sin of beta without cancellation in a flat triangle.
+        let halves = T::lit(0.5) / (la * lb);
+        let cos = ((lc - la) * (lc + la) - lb * lb) * halves;
+        let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
+        let sin = area.max(T::zero()).sqrt() * halves;
+        // A flat triangle has no room for a cosine other than 1 or -1.
+        let cos = if area > T::zero() {
+            cos
+        } else if cos > T::zero() {
+            T::one()
+        } else {
+            -T::one()
+        };
+        Ok([sin, -sin].map(|sin| {
+            let beta = Complex::new(cos, sin);
+            // C' = -(A' + B'), all relative to the phase of A'.
+            let opposite = -(beta * lb + la);
+            let gamma = opposite * (T::one() / opposite.norm_sqr().sqrt());
+            let alpha2 = phase[0] * phase[1] * beta.conj();
+            let turn1 = phase[0] * phase[2] * alpha2.conj() * gamma.conj();
+            let turn2 = phase[1] * phase[2] * (alpha2 * beta * gamma).conj();
+            let alpha = square_root(alpha2);
+            LineMotion {
+                headings: [
+                    Complex::new(T::one(), T::zero()),
+                    square_root(turn1),
+                    square_root(turn2),
+                ],
+                positions: [
+                    Complex::new(T::zero(), T::zero()),
+                    -alpha.conj() * la,
+                    (alpha * beta).conj() * lb,
+                ],
+            }
+        }))
+    }
+}
+
+/// The null space of the rows `[Re p, Im p, Re q, Im q, Re r, Im r]`, each times its weight.
+fn null_space<T: Real>(
+    triples: &[Triple<T>],
+    weight: impl Fn(&[Complex<T>; 3]) -> T,
+) -> NullSpace<T, 6> {
+    let mut factor = TriangularFactor::<T, 6>::new();
+    for [u, v, w] in triples {
+        let row = products(u.into_inner(), v.into_inner(), w.into_inner());
+        let weight = weight(&row);
+        let [p, q, r] = row.map(|z| z * weight);
+        factor.push([p.re, p.im, q.re, q.im, r.re, r.im]);
+    }
+    factor.null_space()
+}
+
+/// `e^{i(a+b-c)}`, `e^{i(a-b+c)}`, `e^{i(-a+b+c)}`.
+#[inline]
+fn products<T: Real>(u: Complex<T>, v: Complex<T>, w: Complex<T>) -> [Complex<T>; 3] {
+    let sum = u * v;
+    let difference = u * v.conj();
+    [sum * w.conj(), difference * w, difference.conj() * w]
+}
+
+/// The imaginary part of a product.
+#[inline]
+fn imaginary<T: Real>(a: Complex<T>, b: Complex<T>) -> T {
+    a.re * b.im + a.im * b.re
+}
+
+/// One of the two square roots of a unit complex number, again of unit length.
+#[inline]
+fn square_root<T: Real>(z: Complex<T>) -> Complex<T> {
+    let half = T::lit(0.5);
+    let large = ((T::one() + z.re.abs()) * half).sqrt();
+    let small = z.im * half / large;
+    let root = if z.re >= T::zero() {
+        Complex::new(large, small)
+    } else {
+        Complex::new(small, large)
+    };
+    root * (T::one() / root.norm_sqr().sqrt())
+}

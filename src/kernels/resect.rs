@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A pose from bearings of known landmarks.
+
+use super::triangular::TriangularFactor;
+use crate::error::Error;
+use crate::geometry::{Bearing, Pose};
+use crate::scalar::Real;
+use nalgebra::{Complex, Point2, Translation2, UnitComplex};
+
+/// A pose and how its sightings agree with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resection<T: Real> {
+    /// The pose.
+    pub pose: Pose<T>,
+    /// How many bearings point away from their landmark (cheirality).
+    pub behind: usize,
+    /// Smallest singular value of the normalised system over the square root of the number of
+    /// landmarks: how badly the bearings fit.
+    pub misfit: T,
+    /// The second smallest in the same units. One that is no larger than the misfit says that the
+    /// pose is undetermined: view and landmarks on one circle.
+    pub gap: T,
+}
+
+/// The pose from which three or more known landmarks are seen at the measured bearings.
+///
+/// With the position of a landmark as a complex number x, the bearing `a` from the pose `(p, theta)`
+/// obeys `Im(e^{-ia} (w x + tau)) = 0`, `w = e^{-i theta}`, `tau = -w p`: one linear row in four
+/// unknowns. Null vector, then the scale that `|w| = 1` sets, then the sign that puts most
+/// landmarks ahead. The landmarks are centred and scaled first; rows are divided by the range of a
+/// first solution.
+///
+/// `sightings` yields a landmark and its bearing; it is run through a few times.
+///
+/// # Errors
+/// [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are a single
+/// place, or on one circle with the view.
+///
+/// # Example
+/// ```
+/// use bearslam::{bearing_to, pose, resect};
+/// use nalgebra::Point2;
+///
+/// let truth = pose(1.0, 2.0, 0.5_f64);
+/// let landmarks = [Point2::new(5.0, 0.0), Point2::new(4.0, 6.0), Point2::new(-3.0, 1.0)];
+/// let sightings = landmarks.map(|landmark| (landmark, bearing_to(&truth, &landmark).unwrap()));
+/// let found = resect(sightings)?;
+/// assert!((found.pose.to_homogeneous() - truth.to_homogeneous()).norm() < 1e-13);
+/// assert_eq!(found.behind, 0);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+///
+/// # Reference
+/// Dellaert and Stroupe, ICRA 2002, section 3.5 (the row there has lost two minus signs).
+pub fn resect<T: Real, I>(sightings: I) -> Result<Resection<T>, Error>
+where
+    I: IntoIterator<Item = (Point2<T>, Bearing<T>), IntoIter: Clone>,
+{
+    let sightings = sightings
+        .into_iter()
+        .map(|(point, bearing)| (Complex::new(point.x, point.y), bearing.into_inner()));
+    let mut count = 0_usize;
+    let mut centre = Complex::new(T::zero(), T::zero());
+    for (point, _) in sightings.clone() {
+        centre += point;
+        count += 1;
+    }
+    if count < 3 {
+        return Err(Error::TooFew {
+            what: "landmarks of a view",
+            needed: 3,
+            got: count,
+        });
+    }
+    let number = T::lit(count as f64);
+    centre /= number;
+    let spread = (sightings.clone().fold(T::zero(), |sum, (point, _)| {
+        sum + (point - centre).norm_sqr()
+    }) / number)
+        .sqrt();
+    if !(spread > T::zero()) {
+        return Err(Error::Degenerate {
+            quantity: "spread of the landmarks",
+            value: spread.as_f64(),
+            bound: 0.0,
+        });
+    }
+    let scale = T::one() / spread;
+    let normalized = sightings.map(|(point, bearing)| ((point - centre) * scale, bearing));
+
+    let first = Line::estimate(normalized.clone(), |_| T::one());
+    let line = Line::estimate(normalized.clone(), |point| {
+        T::one() / (first.seen(point).norm_sqr() + T::eps()).sqrt()
+    });
+    let root = number.sqrt();
+    let (misfit, gap) = (
+        line.singular_values[0] / root,
+        line.singular_values[1] / root,
+    );
+    let bound = T::eps() * T::lit(16.0);
+    let norm = line.rotation.norm_sqr().sqrt();
+    for (quantity, value) in [
+        ("second smallest singular value of the resection", gap),
+        ("scale of the resection", norm),
+    ] {
+        if !(value > bound) {
+            return Err(Error::Degenerate {
+                quantity,
+                value: value.as_f64(),
+                bound: bound.as_f64(),
+            });
+        }
+    }
+    let away = normalized
+        .filter(|(point, bearing)| (bearing.conj() * line.seen(*point)).re < T::zero())
+        .count();
+    let (sign, behind) = if 2 * away > count {
+        (-T::one(), count - away)
+    } else {
+        (T::one(), away)
+    };
+    let position = centre - line.offset / line.rotation * spread;
+    Ok(Resection {
+        pose: Pose::from_parts(
+            Translation2::new(position.re, position.im),
+            UnitComplex::new_unchecked(line.rotation.conj() * (sign / norm)),
+        ),
+        behind,
+        misfit,
+        gap,
+    })
+}
+
+/// A similarity `x -> w x + tau` into the frame of the view, up to scale and sign.
+struct Line<T: Real> {
+    rotation: Complex<T>,
+    offset: Complex<T>,
+    singular_values: [T; 2],
+}
+
+impl<T: Real> Line<T> {
+    fn estimate(
+        sightings: impl Iterator<Item = (Complex<T>, Complex<T>)>,
+        weight: impl Fn(Complex<T>) -> T,
+    ) -> Self {
+        let mut factor = TriangularFactor::<T, 4>::new();
+        for (point, bearing) in sightings {
+            let weight = weight(point);
+            let (c, s) = (bearing.re * weight, bearing.im * weight);
+            factor.push([
+                c * point.im - s * point.re,
+                c * point.re + s * point.im,
+                -s,
+                c,
+            ]);
+        }
+        let null = factor.null_space();
+        let v = &null.vectors[0];
+        Self {
+            rotation: Complex::new(v[0], v[1]),
+            offset: Complex::new(v[2], v[3]),
+            singular_values: null.singular_values,
+        }
+    }
+
+    fn seen(&self, point: Complex<T>) -> Complex<T> {
+        self.rotation * point + self.offset
+    }
+}

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Three views from nothing: tensor, motion, signs.
+
+use super::{
+    CalibratedTensor, Motion, TrifocalTensor, Triple, epipoles, projective, projective_tensor,
+};
+use crate::error::Error;
+use crate::scalar::Real;
+
+/// How the trifocal tensor is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The calibrated tensor: five landmarks, closed form; `reweights` rounds of Sampson weights.
+    Calibrated {
+        /// Rounds of reweighting; 2 reaches the accuracy of maximum likelihood.
+        reweights: usize,
+    },
+    /// The paper's: seven landmarks, eight columns, epipoles.
+    Projective,
+}
+
+impl Method {
+    /// Fewest landmarks that the method needs.
+    pub fn min_landmarks(self) -> usize {
+        match self {
+            Self::Calibrated { .. } => super::calibrated::MIN_LANDMARKS,
+            Self::Projective => super::projective::MIN_LANDMARKS,
+        }
+    }
+}
+
+/// The two motions that explain the bearings of three views equally well modulo pi.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThreeView<T: Real> {
+    /// Both, the one with fewer inconsistent sightings (then the lower cost) first. Where noise has
+    /// made the two one, they are equal.
+    pub motions: [Motion<T>; 2],
+    /// Height over longest side of the triangle of views is below [`COLLINEAR_HEIGHT`], or noise has
+    /// left no triangle at all. The two motions have all but merged, and their error grows with the
+    /// square root of the noise: refine before use.
+    pub near_collinear: bool,
+    /// Whether the data obey no triangle of views (complex eigenvalues in the paper's terms), so
+    /// that the nearest, a flat one, was taken.
+    pub flattened: bool,
+}
+
+/// Height of the triangle of views over its longest side below which it counts as flat: at one
+/// degree of noise the two solutions differ by less than their errors there.
+const COLLINEAR_HEIGHT: f64 = 0.02;
+
+/// Poses of three views from the bearings of landmarks that all three see.
+///
+/// Estimates the trifocal tensor, takes both motions from it and settles every pi by the majority of
+/// the signs. Both motions fit the bearings modulo pi; the signs nearly always tell them apart, but
+/// not always: look at `inconsistent` of both before dropping the second.
+///
+/// # Errors
+/// [`Error::TooFew`] below five ([`Method::Calibrated`]) or seven ([`Method::Projective`])
+/// landmarks; [`Error::Degenerate`] when the landmarks do not determine the motion (one wall, one
+/// circle through the views) or views coincide.
+///
+/// # Example
+/// ```
+/// use bearslam::{Bearing, Method, three_view};
+///
+/// let views = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.4), (0.3, 0.8, -0.7)];
+/// let points = [(2.0, 1.0), (-1.0, 2.0), (0.5, 3.0), (1.5, -2.0), (-2.0, -1.0), (3.0, 0.5)];
+/// let triples: Vec<[Bearing<f64>; 3]> = points
+///     .iter()
+///     .map(|&(x, y)| views.map(|(a, b, t)| Bearing::new(f64::atan2(y - b, x - a) - t)))
+///     .collect();
+/// let solution = three_view(&triples, Method::Calibrated { reweights: 1 })?;
+/// let [_, _, last] = solution.motions[0].poses;
+/// assert!((last.translation.y - 0.8).abs() < 1e-12);
+/// assert!((last.rotation.angle() + 0.7).abs() < 1e-12);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<ThreeView<T>, Error> {
+    let (lines, flattened) = match method {
+        Method::Calibrated { reweights } => {
+            let tensor = CalibratedTensor::estimate(triples, reweights)?;
+            (tensor.line_motions()?, tensor.kappa().abs() > T::one())
+        }
+        Method::Projective => {
+            let epipoles = epipoles(&projective_tensor(triples)?)?;
+            (
+                projective::line_motions(&epipoles)?,
+                epipoles.discriminant < T::zero(),
+            )
+        }
+    };
+    let [first, second] = lines.map(|line| line.settle(triples));
+    let motions = if rank(&first) <= rank(&second) {
+        [first, second]
+    } else {
+        [second, first]
+    };
+    Ok(ThreeView {
+        near_collinear: flattened || height_over_side(&motions[0]) < T::lit(COLLINEAR_HEIGHT),
+        motions,
+        flattened,
+    })
+}
+
+/// The unit-norm trifocal tensor of three views.
+///
+/// # Errors
+/// As [`three_view`].
+pub fn trifocal_tensor<T: Real>(
+    triples: &[Triple<T>],
+    method: Method,
+) -> Result<TrifocalTensor<T>, Error> {
+    match method {
+        Method::Calibrated { reweights } => {
+            Ok(CalibratedTensor::estimate(triples, reweights)?.tensor())
+        }
+        Method::Projective => projective_tensor(triples),
+    }
+}
+
+fn rank<T: Real>(motion: &Motion<T>) -> (usize, f64) {
+    (motion.inconsistent, motion.cost.as_f64())
+}
+
+fn height_over_side<T: Real>(motion: &Motion<T>) -> T {
+    let [a, b, c] = motion.poses.map(|pose| pose.translation.vector);
+    let longest = (b - a)
+        .norm_squared()
+        .max((c - b).norm_squared())
+        .max((a - c).norm_squared());
+    (b - a).perp(&(c - a)).abs() / longest
+}

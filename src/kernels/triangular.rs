@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The triangular factor of a matrix whose rows come one by one.
+
+use crate::scalar::Real;
+use nalgebra::SVector;
+
+/// Rows that are eliminated together, by one Householder reflection per column.
+const BLOCK: usize = 8;
+
+/// The factor R of `A = QR` for a matrix `A` with `N` columns and any number of rows.
+///
+/// Rows are streamed in and folded into R by orthogonal reflections, so memory is constant and the
+/// condition number is that of `A`, not its square. A reflection acts on one row of R and the
+/// waiting rows only (the rest of its column is zero already).
+///
+/// # Example
+/// ```
+/// use bearslam::TriangularFactor;
+/// let mut factor = TriangularFactor::<f64, 2>::new();
+/// for row in [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]] {
+///     factor.push(row);
+/// }
+/// let null = factor.null_space();
+/// assert!(null.singular_values[0] < 1e-15);
+/// assert!((null.vectors[0].x + null.vectors[0].y).abs() < 1e-15);
+/// ```
+#[derive(Clone, Debug)]
+pub struct TriangularFactor<T: Real, const N: usize> {
+    /// R, row by row.
+    factor: [[T; N]; N],
+    /// Rows not yet folded in, column by column, zero beyond `waiting`.
+    block: [[T; BLOCK]; N],
+    waiting: usize,
+}
+
+/// The two right singular vectors with the smallest singular values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NullSpace<T: Real, const N: usize> {
+    /// The two smallest singular values, the smallest first.
+    pub singular_values: [T; 2],
+    /// Their right singular vectors, of unit length and at right angles.
+    pub vectors: [SVector<T, N>; 2],
+}
+
+impl<T: Real, const N: usize> Default for TriangularFactor<T, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real, const N: usize> TriangularFactor<T, N> {
+    /// The factor of a matrix without rows.
+    pub fn new() -> Self {
+        Self {
+            factor: [[T::zero(); N]; N],
+            block: [[T::zero(); BLOCK]; N],
+            waiting: 0,
+        }
+    }
+
+    /// Appends a row to the matrix.
+    #[inline]
+    pub fn push(&mut self, row: [T; N]) {
+        for (column, value) in self.block.iter_mut().zip(row) {
+            column[self.waiting] = value;
+        }
+        self.waiting += 1;
+        if self.waiting == BLOCK {
+            self.fold();
+        }
+    }
+
+    /// Folds the waiting rows into R.
+    fn fold(&mut self) {
+        for k in 0..N {
+            let (done, rest) = self.block.split_at_mut(k + 1);
+            let column = &mut done[k];
+            let pivot = self.factor[k][k];
+            let below = dot(column, column);
+            if below > T::zero() {
+                let norm = (pivot * pivot + below).sqrt();
+                let signed = if pivot > T::zero() { -norm } else { norm };
+                let head = pivot - signed;
+                let scale = T::one() / (norm * (norm + pivot.abs()));
+                self.factor[k][k] = signed;
+                for (j, other) in rest.iter_mut().enumerate() {
+                    let above = &mut self.factor[k][k + 1 + j];
+                    let step = (head * *above + dot(column, other)) * scale;
+                    *above -= step * head;
+                    for (o, c) in other.iter_mut().zip(column.iter()) {
+                        *o -= step * *c;
+                    }
+                }
+            }
+            *column = [T::zero(); BLOCK];
+        }
+        self.waiting = 0;
+    }
+
+    /// R, row by row; its lower part is zero.
+    pub fn rows(&mut self) -> &[[T; N]; N] {
+        if self.waiting > 0 {
+            self.fold();
+        }
+        &self.factor
+    }
+
+    /// The two smallest singular values and their right singular vectors.
+    ///
+    /// Inverse iteration on a pair of vectors: the pair converges with the square of the ratio of
+    /// the second to the third smallest singular value, and a 2x2 problem separates it. Ends when
+    /// the first vector stands still, or after [`MAX_STEPS`] steps.
+    pub fn null_space(&mut self) -> NullSpace<T, N> {
+        let factor = *self.rows();
+        let mut size = T::zero();
+        for row in &factor {
+            for value in row {
+                size = size.max(value.abs());
+            }
+        }
+        // A pivot below rounding is rounding: any value of that size serves.
+        let floor = (size * T::eps()).max(T::eps() * T::eps());
+        let mut inverse = [T::zero(); N];
+        for (k, value) in inverse.iter_mut().enumerate() {
+            let pivot = factor[k][k];
+            *value = T::one()
+                / if pivot.abs() > floor {
+                    pivot
+                } else if pivot < T::zero() {
+                    -floor
+                } else {
+                    floor
+                };
+        }
+
+        let mut first = SVector::<T, N>::zeros();
+        let mut second = SVector::<T, N>::zeros();
+        first[N - 1] = T::one();
+        second[N - 2] = T::one();
+        back_substitute(&factor, &inverse, &mut first);
+        back_substitute(&factor, &inverse, &mut second);
+        orthonormalize(&mut first, &mut second);
+        let mut result = rayleigh_ritz(&factor, first, second);
+        for _ in 0..MAX_STEPS {
+            let [mut first, mut second] = result.vectors;
+            for vector in [&mut first, &mut second] {
+                forward_substitute(&factor, &inverse, vector);
+                scale_to_unit(vector);
+                back_substitute(&factor, &inverse, vector);
+            }
+            orthonormalize(&mut first, &mut second);
+            let next = rayleigh_ritz(&factor, first, second);
+            let cosine = next.vectors[0].dot(&result.vectors[0]);
+            let moved = (next.vectors[0] - result.vectors[0] * cosine).norm_squared();
+            result = next;
+            if moved <= T::eps() * T::eps() * T::lit(16.0) {
+                break;
+            }
+        }
+        result
+    }
+}
+
+/// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
+/// which any member is as good as another.
+const MAX_STEPS: usize = 40;
+
+#[inline]
+fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> T {
+    // Two interleaved sums: their order is fixed, and they fit the vector registers.
+    let (mut even, mut odd) = (T::zero(), T::zero());
+    for k in 0..BLOCK / 2 {
+        even += a[2 * k] * b[2 * k];
+        odd += a[2 * k + 1] * b[2 * k + 1];
+    }
+    even + odd
+}
+
+/// Solves `R x = b` in place.
+#[inline]
+fn back_substitute<T: Real, const N: usize>(
+    factor: &[[T; N]; N],
+    inverse: &[T; N],
+    x: &mut SVector<T, N>,
+) {
+    for i in (0..N).rev() {
+        let mut sum = x[i];
+        for j in i + 1..N {
+            sum -= factor[i][j] * x[j];
+        }
+        x[i] = sum * inverse[i];
+    }
+}
+
+/// Solves `R^T x = b` in place.
+#[inline]
+fn forward_substitute<T: Real, const N: usize>(
+    factor: &[[T; N]; N],
+    inverse: &[T; N],
+    x: &mut SVector<T, N>,
+) {
+    for i in 0..N {
+        let value = x[i] * inverse[i];
+        x[i] = value;
+        for j in i + 1..N {
+            x[j] -= factor[i][j] * value;
+        }
+    }
+}
+
+#[inline]
+fn scale_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
+    // Two steps, lest the square of a huge entry overflow in single precision.
+    let largest = vector
+        .iter()
+        .fold(T::zero(), |largest, value| largest.max(value.abs()));
+    if largest > T::zero() {
+        *vector *= T::one() / largest;
+        let norm = vector.norm();
+        *vector *= T::one() / norm;
+    }
+}
+
+#[inline]
+fn orthonormalize<T: Real, const N: usize>(first: &mut SVector<T, N>, second: &mut SVector<T, N>) {
+    scale_to_unit(first);
+    scale_to_unit(second);
+    // Twice is enough: the two may be almost parallel.
+    for _ in 0..2 {
+        let overlap = first.dot(second);
+        *second -= *first * overlap;
+        scale_to_unit(second);
+    }
+}
+
+/// Singular values and vectors of R restricted to the plane of two orthonormal vectors.
+#[inline]
+fn rayleigh_ritz<T: Real, const N: usize>(
+    factor: &[[T; N]; N],
+    first: SVector<T, N>,
+    second: SVector<T, N>,
+) -> NullSpace<T, N> {
+    let mut images = [SVector::<T, N>::zeros(); 2];
+    for (image, vector) in images.iter_mut().zip([&first, &second]) {
+        for i in 0..N {
+            let mut sum = T::zero();
+            for j in i..N {
+                sum += factor[i][j] * vector[j];
+            }
+            image[i] = sum;
+        }
+    }
+    // One-sided Jacobi rotation: makes the two images orthogonal without forming their squares' difference twice.
+    let [a, b] = images;
+    let (aa, bb, ab) = (a.norm_squared(), b.norm_squared(), a.dot(&b));
+    let zeta = (bb - aa) * T::lit(0.5);
+    let reach = (zeta * zeta + ab * ab).sqrt();
+    let tangent = if reach > T::zero() {
+        ab / (zeta.abs() + reach)
+            * if zeta < T::zero() {
+                -T::one()
+            } else {
+                T::one()
+            }
+    } else {
+        T::zero()
+    };
+    let cos = T::one() / (T::one() + tangent * tangent).sqrt();
+    let sin = cos * tangent;
+    let vectors = [first * cos - second * sin, first * sin + second * cos];
+    let values = [(a * cos - b * sin).norm(), (a * sin + b * cos).norm()];
+    let [small, large] = if values[0] <= values[1] {
+        [0, 1]
+    } else {
+        [1, 0]
+    };
+    NullSpace {
+        singular_values: [values[small], values[large]],
+        vectors: [vectors[small], vectors[large]],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DMatrix;
+
+    /// A matrix with entries of no pattern.
+    fn matrix(rows: usize, seed: f64) -> DMatrix<f64> {
+        DMatrix::from_fn(rows, 6, |i, j| {
+            ((seed + 12.9898 * i as f64 + 78.233 * j as f64).sin() * 43758.5453).rem_euclid(2.0)
+                - 1.0
+        })
+    }
+
+    fn check(matrix: &DMatrix<f64>, tolerance: f64) {
+        let mut factor = TriangularFactor::<f64, 6>::new();
+        for row in matrix.row_iter() {
+            factor.push(core::array::from_fn(|j| row[j]));
+        }
+        let null = factor.null_space();
+        let full = matrix
+            .clone()
+            .resize(matrix.nrows().max(6), 6, 0.0)
+            .svd(false, true);
+        let mut order: Vec<usize> = (0..6).collect();
+        order.sort_by(|&i, &j| full.singular_values[i].total_cmp(&full.singular_values[j]));
+        // The iteration ends when the first vector stands still; the second value is a bound of a gap.
+        for (k, tolerance) in [1e-13, 0.02].into_iter().enumerate() {
+            let expected = full.singular_values[order[k]];
+            let error = (null.singular_values[k] - expected).abs();
+            assert!(
+                error < tolerance * full.singular_values[order[5]],
+                "{k}: {error:e}"
+            );
+        }
+        let expected = full.v_t.unwrap().row(order[0]).transpose();
+        let cosine = expected.dot(&DMatrix::from_column_slice(
+            6,
+            1,
+            null.vectors[0].as_slice(),
+        ));
+        assert!((cosine.abs() - 1.0).abs() < tolerance, "{cosine}");
+    }
+
+    extern crate std;
+    use std::vec::Vec;
+
+    #[test]
+    fn smallest_singular_vectors_are_those_of_the_full_decomposition() {
+        for rows in [5, 6, 7, 8, 9, 15, 16, 17, 40] {
+            for seed in 0..20 {
+                check(&matrix(rows, f64::from(seed)), 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn rank_deficient_matrices_of_every_kind_are_finite() {
+        for rank in 0..5 {
+            for rows in [5, 8, 20] {
+                let left = matrix(rows, 0.3).columns(0, rank).into_owned();
+                let right = matrix(rank, 1.7);
+                let product = left * right;
+                let mut factor = TriangularFactor::<f64, 6>::new();
+                for row in product.row_iter() {
+                    factor.push(core::array::from_fn(|j| row[j]));
+                }
+                let null = factor.null_space();
+                for k in 0..2 {
+                    assert!(null.singular_values[k] < 1e-13);
+                    assert!((null.vectors[k].norm() - 1.0).abs() < 1e-14);
+                    assert!(
+                        (&product * DMatrix::from_column_slice(6, 1, null.vectors[k].as_slice()))
+                            .norm()
+                            < 1e-13
+                    );
+                }
+            }
+        }
+    }
+}

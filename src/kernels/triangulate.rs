@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A landmark from bearings taken at known poses.
+
+use super::triangular::TriangularFactor;
+use crate::error::Error;
+use crate::geometry::{Bearing, Pose};
+use crate::scalar::Real;
+use nalgebra::{Complex, Point2};
+
+/// A landmark and how its sightings agree with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangulation<T: Real> {
+    /// The landmark.
+    pub point: Point2<T>,
+    /// How many bearings point away from it (cheirality).
+    pub behind: usize,
+    /// Smaller over larger singular value of the rays' directions: the parallax, 0 for parallel
+    /// rays, 1 for rays at right angles.
+    pub parallax: T,
+}
+
+/// The point where two or more rays meet best.
+///
+/// Least squares of the distances to the lines of sight, each divided by the range of a first
+/// solution, so that what is minimised is the sine of the angular error. Rows are folded into a
+/// triangular factor with the positions centred, so neither the distance from the origin nor the
+/// number of views costs digits.
+///
+/// `sightings` yields a pose and the bearing measured there; it is run through twice.
+///
+/// # Errors
+/// [`Error::TooFew`] for fewer than two rays, [`Error::Degenerate`] when the parallax is rounding
+/// (parallel rays, or two views along one line of sight).
+///
+/// # Example
+/// ```
+/// use bearslam::{Bearing, pose, triangulate};
+/// let sightings = [
+///     (pose(0.0, 0.0, 0.0), Bearing::new(45_f64.to_radians())),
+///     (pose(2.0, 0.0, 0.0), Bearing::new(135_f64.to_radians())),
+/// ];
+/// let landmark = triangulate(sightings)?.point;
+/// assert!((landmark.x - 1.0).abs() < 1e-15 && (landmark.y - 1.0).abs() < 1e-15);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+///
+/// # Reference
+/// Dellaert and Stroupe, ICRA 2002, section 3.4.
+pub fn triangulate<T: Real, I>(sightings: I) -> Result<Triangulation<T>, Error>
+where
+    I: IntoIterator<Item = (Pose<T>, Bearing<T>), IntoIter: Clone>,
+{
+    let sightings = sightings.into_iter();
+    let mut count = 0_usize;
+    let mut centre = Complex::new(T::zero(), T::zero());
+    for (pose, _) in sightings.clone() {
+        centre += position(&pose);
+        count += 1;
+    }
+    if count < 2 {
+        return Err(Error::TooFew {
+            what: "rays of a landmark",
+            needed: 2,
+            got: count,
+        });
+    }
+    centre /= T::lit(count as f64);
+    let (first, _) = solve(sightings.clone(), centre, |_| T::one())?;
+    let (offset, parallax) = solve(sightings.clone(), centre, |position| {
+        let range = (first - position).norm_sqr().sqrt();
+        if range > T::zero() {
+            T::one() / range
+        } else {
+            T::one()
+        }
+    })?;
+    let behind = sightings
+        .filter(|(pose, bearing)| {
+            let seen = ray(pose, bearing).conj() * (offset - (position(pose) - centre));
+            seen.re < T::zero()
+        })
+        .count();
+    let point = offset + centre;
+    Ok(Triangulation {
+        point: Point2::new(point.re, point.im),
+        behind,
+        parallax,
+    })
+}
+
+/// Weighted least squares of `cross(ray, x - position) = 0`, relative to `centre`; the parallax.
+fn solve<T: Real>(
+    sightings: impl Iterator<Item = (Pose<T>, Bearing<T>)>,
+    centre: Complex<T>,
+    weight: impl Fn(Complex<T>) -> T,
+) -> Result<(Complex<T>, T), Error> {
+    let mut factor = TriangularFactor::<T, 3>::new();
+    for (pose, bearing) in sightings {
+        let ray = ray(&pose, &bearing);
+        let position = position(&pose) - centre;
+        let weight = weight(position);
+        let offset = ray.re * position.im - ray.im * position.re;
+        factor.push([-ray.im * weight, ray.re * weight, offset * weight]);
+    }
+    let [[a, b, p], [_, d, q], _] = *factor.rows();
+    // Singular values of [[a, b], [0, d]]: their product is |a d|, their squares add to the norm.
+    let norm = a * a + b * b + d * d;
+    let product = (a * d).abs();
+    let sum = (norm + T::lit(2.0) * product).sqrt();
+    let difference = (norm - T::lit(2.0) * product).max(T::zero()).sqrt();
+    let larger = (sum + difference) * T::lit(0.5);
+    let parallax = product / (larger * larger);
+    let bound = T::eps() * T::lit(16.0);
+    if !(parallax > bound) {
+        return Err(Error::Degenerate {
+            quantity: "parallax of the rays",
+            value: parallax.as_f64(),
+            bound: bound.as_f64(),
+        });
+    }
+    let y = q / d;
+    Ok((Complex::new((p - b * y) / a, y), parallax))
+}
+
+#[inline]
+fn ray<T: Real>(pose: &Pose<T>, bearing: &Bearing<T>) -> Complex<T> {
+    pose.rotation.into_inner() * bearing.into_inner()
+}
+
+#[inline]
+fn position<T: Real>(pose: &Pose<T>) -> Complex<T> {
+    Complex::new(pose.translation.x, pose.translation.y)
+}
