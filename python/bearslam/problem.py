@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam.coerce import FloatArray, IntArray, floats, indices
 from bearslam.errors import InvalidInputError
@@ -168,7 +168,7 @@ def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0) -> Table:
     return Table(*bearings.shape, Sightings(view, landmark, bearings[seen], each), each, True)
 
 
-def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: np.ndarray | None = None) -> FloatArray:
+def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_] | None = None) -> FloatArray:
     """One standard deviation for all sightings or one for each, as one for each."""
     if np.ndim(sigma) == 0:
         values = np.broadcast_to(floats("sigma", sigma, ()), shape)

@@ -5,46 +5,50 @@
     python tests/data/make_reference.py            # writes reference.json beside this file
     python tests/data/make_reference.py --check    # recomputes and compares, writes nothing
 
-Needs NumPy and SciPy, and deliberately not bearslam. Seeded: a second run gives the same scenes.
-Where the library uses a closed form, this script goes another way:
+Needs NumPy and SciPy, deliberately not bearslam, and about a minute. Seeded: the same scenes every
+time. Where the library uses a closed form, this script goes another way:
 
 * motion from a calibrated tensor: homographies between views, their eigenvectors, intersection of
   epipoles, all eight signs tried, then Newton on the definition of the tensor;
 * many views: dense ``scipy.optimize.least_squares`` from dozens of starts, no elimination;
 * Jacobians: complex step, exact to rounding; degeneracies: numerical rank by SVD.
 
-Conventions: a pose is (x, y, heading), a bearing ``atan2(y_j - y_i, x_j - x_i) - heading_i``; radians,
-counter-clockwise, (-pi, pi]; bearings are (views, landmarks), ``null`` where not seen.
+Conventions: a pose is (x, y, heading), a bearing ``atan2(y_j - y_i, x_j - x_i) - heading_i``;
+radians, counter-clockwise, (-pi, pi]; bearings are (views, landmarks), ``null`` where not seen.
 
 What the file holds (every section is a list of records):
 
 three_view
     ``null_vector``: smallest right singular vector, up to sign, of the rows
-    [cos(a+b-c), sin(a+b-c), cos(a-b+c), sin(a-b+c), cos(-a+b+c), sin(-a+b+c)]; ``singular_values`` of
-    them, n = 5 has five. ``reweighted_null_vectors`` (noise, n > 5; otherwise weights change nothing): after
-    1, 2 and 3 re-solves with every row divided by the norm of its gradient by (a, b, c) at the last vector. ``projective_tensor`` (n >= 7): T_ijk in
-    C order, up to sign, smallest right singular vector of the n x 8 rows u (x) v (x) w, with
-    ``projective_singular_values``. ``epipoles`` [k][i][j]: bearing modulo pi, in (-pi/2, pi/2], at which
-    view i sees view j, of ``null_vector``; ``projective_epipoles`` (noise) the same of ``projective_tensor``
-    (``null``: complex). The two assignments k come in no particular order.
-    ``solutions`` belong to ``null_vector`` without reweighting, fewest ``inconsistent`` sightings
-    (negative depth) first, then least ``cost`` (sum of squared wrapped residuals). View 0 sits at the origin
-    with heading 0, view 1 at distance 1. Landmarks: least squares over the three rays as lines,
-    unit normals, unweighted.
+    [cos(a+b-c), sin(a+b-c), cos(a-b+c), sin(a-b+c), cos(-a+b+c), sin(-a+b+c)];
+    ``singular_values`` of them, n = 5 has five. ``reweighted_null_vectors`` (with noise and n > 5;
+    otherwise weights change nothing): after 1, 2 and 3 re-solves with every row divided by the norm
+    of its gradient by (a, b, c) at the last vector. ``projective_tensor`` (n >= 7): T_ijk in C
+    order, up to sign, smallest right singular vector of the n x 8 rows u (x) v (x) w, with
+    ``projective_singular_values``. ``epipoles`` [k][i][j]: bearing modulo pi, in (-pi/2, pi/2], at
+    which view i sees view j, of ``null_vector``; ``projective_epipoles`` (with noise) the same of
+    ``projective_tensor``, ``null`` if complex. The two assignments k come in no particular order.
+    ``solutions`` belong to ``null_vector``, not reweighted; fewest ``inconsistent`` sightings
+    (negative depth) first, then least ``cost`` (sum of squared wrapped residuals). View 0 sits at
+    the origin with heading 0, view 1 at distance 1. Landmarks: least squares over the three rays as
+    lines, unit normals, unweighted.
 many_view
-    ``best_known_cost``: SUM (not half the sum) of squared wrapped residuals [rad^2] at the best optimum
-    found; ``ml_poses``, ``ml_landmarks`` there, brought onto the truth by a similarity.
-    ``rivals``: other maps, not similar to it, that cost the same. Four views of four landmarks are exactly
-    determined, and often have one: another map that explains every bearing with every sign right.
+    ``best_known_cost``: SUM (not half the sum) of squared wrapped residuals [rad^2] at the best
+    optimum found; ``ml_poses``, ``ml_landmarks`` there, brought onto the truth by a similarity.
+    ``rivals``: other maps, not similar to it, that cost the same. Four views of four landmarks are
+    exactly determined, and often have one: another map that explains every bearing, signs and all.
 jacobian
-    Rows are sightings in view-major order; columns x, y, heading of every pose, then x, y of every landmark.
+    Rows are sightings in view-major order; columns x, y, heading of every pose, then x, y of every
+    landmark.
 resection, triangulation
     Exact scenes: the answer is the truth.
 align
-    The similarity target = scale R(angle) source + translation with the least sum of squares, no reflection.
+    The similarity target = scale R(angle) source + translation with the least sum of squares, no
+    reflection.
 counting
     Null directions of the bearing Jacobian beyond the four of the gauge: ``extra`` measured here,
-    ``expected`` from theory, ``poses`` and ``landmarks`` of one such scene.
+    ``expected`` from theory, ``poses`` and ``landmarks`` of one such scene. Singular values are
+    relative to the largest.
 """
 
 from __future__ import annotations
@@ -55,6 +59,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +71,8 @@ Array = NDArray[np.float64]
 Record = dict[str, Any]
 
 REFERENCE = Path(__file__).with_name("reference.json")
-MIN_DISTANCE = 0.4  # metres between any two points of a scene: keeps tests about the method, not about luck
+# Metres between any two points of a scene: tests are about the method, not about luck.
+MIN_DISTANCE = 0.4
 
 
 # --- scenes ---------------------------------------------------------------------------------------
@@ -84,7 +90,7 @@ def sight(poses: Array, landmarks: Array) -> Array:
 
 
 def scene(rng: np.random.Generator, kind: str, m: int, n: int) -> tuple[Array, Array]:
-    """Poses (m, 3) and landmarks (n, 2): all in a 7 m x 5 m room, or landmarks in a ring around the robots."""
+    """Poses (m, 3), landmarks (n, 2): mixed in a room of 7 m x 5 m, or robots ringed by landmarks."""
     points: list[Array] = []
     while len(points) < m + n:
         if kind == "mixed":
@@ -104,7 +110,7 @@ def scene(rng: np.random.Generator, kind: str, m: int, n: int) -> tuple[Array, A
 
 
 def calibrated_rows(bearings: NDArray[Any]) -> NDArray[Any]:
-    """Rows (n, 6) whose null vector is (Re A, -Im A, Re B, -Im B, Re C, -Im C); complex input allowed."""
+    """Rows (n, 6) with null vector (Re A, -Im A, Re B, -Im B, ...); complex input allowed."""
     a, b, c = bearings
     sums = (a + b - c, a - b + c, -a + b + c)
     return np.stack([f(s) for s in sums for f in (np.cos, np.sin)], axis=1)
@@ -117,7 +123,7 @@ def null_vector(rows: Array) -> tuple[Array, Array]:
 
 
 def reweight(bearings: Array, vector: Array) -> Array:
-    """Null vector after dividing each row by the gradient of its residual, derivatives by complex step."""
+    """Null vector after dividing each row by the gradient of its residual, by complex step."""
     step = 1e-30
     gradient = np.zeros(bearings.shape)
     for view in range(3):
@@ -128,7 +134,7 @@ def reweight(bearings: Array, vector: Array) -> Array:
 
 
 def calibrated_tensor(vector: Array) -> Array:
-    """T_ijk (2, 2, 2): the trilinear form of `vector` at bearings 0 and pi/2, where u = (1, 0) and (0, 1)."""
+    """T_ijk (2, 2, 2): the trilinear form at bearings 0 and pi/2, where u = (1, 0) and (0, 1)."""
     a, b, c = vector[0::2] - 1j * vector[1::2]
     turn = (1, 1j, -1, -1j)  # e^{i k pi/2}, exact
     tensor = np.empty((2, 2, 2))
@@ -140,12 +146,12 @@ def calibrated_tensor(vector: Array) -> Array:
 
 
 def epipoles(tensor: Array) -> Array | None:
-    """Bearings modulo pi [k, i, j] of view j in view i, from eigenvectors; None if they are complex."""
+    """Bearings modulo pi [k, i, j] of view j in view i, from eigenvectors; None if complex."""
     quarter_turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    # View 1 to view 2 (counting from 0) along a fixed ray of view 0, and view 1 to view 0 along a ray of view 2.
+    # Views count from 0. From view 1 to 2 along a fixed ray of view 0; to 0 along one of view 2.
     to_last = [quarter_turn @ tensor[i].T for i in (0, 1)]
     to_first = [quarter_turn @ tensor[:, :, k] for k in (0, 1)]
-    # A direction of view 1 that goes to the same place whichever ray was fixed points at another robot.
+    # A direction of view 1 that maps to the same whichever ray was fixed points at another robot.
     values, vectors = np.linalg.eig(np.linalg.solve(to_last[1], to_last[0]))
     if np.iscomplexobj(values) and np.abs(values.imag).max() > 0:
         return None
@@ -176,17 +182,17 @@ def triangulate_lines(poses: Array, bearings: Array) -> Array:
     angle = poses[:, 2:] + bearings
     normals = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
     offsets = np.einsum("mnk,mk->mn", normals, poses[:, :2])
-    columns = [np.linalg.lstsq(normals[:, j], offsets[:, j])[0] for j in range(bearings.shape[1])]
-    return np.array(columns)
+    points = [np.linalg.lstsq(normals[:, j], offsets[:, j])[0] for j in range(bearings.shape[1])]
+    return np.array(points)
 
 
 def inconsistent(poses: Array, landmarks: Array, bearings: Array) -> int:
-    """Number of sightings that look away from their landmark."""
+    """Count the sightings that look away from their landmark."""
     return int((np.cos(bearings - sight(poses, landmarks)) < 0).sum())
 
 
 def motion(epipole: Array, bearings: Array) -> Array:
-    """Poses (3, 3) of one assignment: every sign tried, the one with the fewest wrong sightings kept."""
+    """Poses (3, 3) of one assignment: every sign tried, fewest wrong sightings kept."""
     trials = []
     for side, turn1, turn2 in itertools.product((1.0, -1.0), (0.0, math.pi), (0.0, math.pi)):
         heading1 = epipole[0, 1] - epipole[1, 0] + turn1
@@ -200,12 +206,12 @@ def motion(epipole: Array, bearings: Array) -> Array:
         trials.append((inconsistent(poses, triangulate_lines(poses, bearings), bearings), poses))
     trials.sort(key=lambda trial: trial[0])
     if trials[0][0] == trials[1][0]:
-        raise Unsuitable("a view has as many sightings forward as backward")
+        raise UnsuitableError("a view has as many sightings forward as backward")
     return trials[0][1]
 
 
 def polish(poses: Array, vector: Array) -> Array:
-    """Newton on the definition of the tensor: poses whose (A, B, C), times a real factor, are `vector`."""
+    """Newton on the definition of the tensor: poses whose (A, B, C) is `vector` up to scale."""
 
     def tensor_of(x: Array) -> Array:
         direction, x2, y2, t1, t2, factor = x
@@ -217,53 +223,61 @@ def polish(poses: Array, vector: Array) -> Array:
                 np.conj(p1 - p2) * np.exp(1j * (t1 + t2)),
             ]
         )
-        return factor * np.column_stack([abc.real, -abc.imag]).ravel()
+        image: Array = factor * np.column_stack([abc.real, -abc.imag]).ravel()
+        return image
 
-    x = np.array([math.atan2(poses[1, 1], poses[1, 0]), *poses[2, :2], poses[1, 2], poses[2, 2], 1.0])
+    x = np.array(
+        [math.atan2(poses[1, 1], poses[1, 0]), *poses[2, :2], poses[1, 2], poses[2, 2], 1.0]
+    )
     x[5] = vector @ tensor_of(x) / (tensor_of(x) @ tensor_of(x))
     for _ in range(8):
         steps = 1e-6 * np.eye(6)
         slope = np.column_stack([(tensor_of(x + s) - tensor_of(x - s)) / 2e-6 for s in steps])
         x = x - np.linalg.solve(slope, tensor_of(x) - vector)
     if np.abs(tensor_of(x) - vector).max() > 2e-15:
-        raise Unsuitable("Newton did not settle")
-    polished = np.array([[0.0, 0.0, 0.0], [math.cos(x[0]), math.sin(x[0]), x[3]], [x[1], x[2], x[4]]])
+        raise UnsuitableError("Newton did not settle")
+    polished = np.array(
+        [[0.0, 0.0, 0.0], [math.cos(x[0]), math.sin(x[0]), x[3]], [x[1], x[2], x[4]]]
+    )
     polished[:, 2] = wrap(polished[:, 2])
     if np.abs(polished - poses).max() > 1e-6:
-        raise Unsuitable("Newton went elsewhere")
+        raise UnsuitableError("Newton went elsewhere")
     return polished
 
 
-class Unsuitable(Exception):
-    """This scene would not make a good test; draw the next."""
+class UnsuitableError(Exception):
+    """The scene would not make a good test; draw the next."""
 
 
-def three_view_record(rng: np.random.Generator, kind: str, n: int, noise_deg: float) -> Record:
+def three_view_record(kind: str, n: int, noise_deg: float, rng: np.random.Generator) -> Record:
     """One well-conditioned scene with everything that is derived from its bearings."""
     poses, landmarks = scene(rng, kind, 3, n)
     bearings = wrap(sight(poses, landmarks) + math.radians(noise_deg) * rng.standard_normal((3, n)))
     rows = calibrated_rows(bearings)
     vector, singular = null_vector(rows)
     if singular[4] < 0.02 * singular[0] or (n > 5 and singular[5] > 0.2 * singular[4]):
-        raise Unsuitable("null vector badly determined")
+        raise UnsuitableError("null vector badly determined")
     sides = np.hypot(vector[0::2], vector[1::2])
     kappa = (sides[2] ** 2 - sides[0] ** 2 - sides[1] ** 2) / (2 * sides[0] * sides[1])
     if abs(kappa) > 0.97:
-        raise Unsuitable("robots nearly collinear")
+        raise UnsuitableError("robots nearly collinear")
     angles = epipoles(calibrated_tensor(vector))
     if angles is None:
-        raise Unsuitable("triangle inequality broken")
-    solutions = []
+        raise UnsuitableError("triangle inequality broken")
+    ranked: list[tuple[tuple[int, float, float], Record]] = []
     for assignment in angles:
         found = polish(motion(assignment, bearings), vector)
         points = triangulate_lines(found, bearings)
         cosines = np.cos(bearings - sight(found, points))
         if np.abs(cosines).min() < 0.05 or np.abs(points).max() > 50:
-            raise Unsuitable("a sign hangs by a thread")
+            raise UnsuitableError("a sign hangs by a thread")
         cost = float((wrap(bearings - sight(found, points)) ** 2).sum())
-        solutions.append({"poses": found, "landmarks": points, "inconsistent": int((cosines < 0).sum()), "cost": cost})
-    # Costs of zero are told apart by rounding only: to 1e-20 they tie, and the nearer to the truth leads.
-    solutions.sort(key=lambda s: (s["inconsistent"], round(s["cost"], 20), mismatch(s["poses"][:, :2], poses[:, :2])))
+        wrong = int((cosines < 0).sum())
+        off = mismatch(found[:, :2], poses[:, :2])
+        solution = {"poses": found, "landmarks": points, "inconsistent": wrong, "cost": cost}
+        # Costs of zero differ by rounding only: they tie, and the nearer to the truth leads.
+        ranked.append(((wrong, round(cost, 20), off), solution))
+    ranked.sort(key=lambda pair: pair[0])
     record: Record = {
         "kind": kind,
         "n": n,
@@ -274,7 +288,7 @@ def three_view_record(rng: np.random.Generator, kind: str, n: int, noise_deg: fl
         "null_vector": vector,
         "singular_values": singular,
         "epipoles": angles,
-        "solutions": solutions,
+        "solutions": [solution for _, solution in ranked],
     }
     if noise_deg > 0 and n > 5:
         record["reweighted_null_vectors"] = weighted = [reweight(bearings, vector)]
@@ -284,7 +298,7 @@ def three_view_record(rng: np.random.Generator, kind: str, n: int, noise_deg: fl
         u, v, w = (np.stack([np.cos(b), np.sin(b)], axis=1) for b in bearings)
         tensor, spectrum = null_vector(np.einsum("ni,nj,nk->nijk", u, v, w).reshape(n, 8))
         if spectrum[6] < 0.005 * spectrum[0]:
-            raise Unsuitable("projective tensor badly determined")
+            raise UnsuitableError("projective tensor badly determined")
         record["projective_tensor"] = tensor
         record["projective_singular_values"] = spectrum
         if noise_deg > 0:
@@ -301,14 +315,14 @@ def mismatch(points: Array, target: Array) -> float:
 
 
 def residuals(x: Array, bearings: Array) -> Array:
-    """Wrapped bearing residuals of the sightings that exist; `x` stacks poses and landmarks."""
+    """Wrap the bearing residuals of the sightings that exist; `x` stacks poses and landmarks."""
     m = bearings.shape[0]
     seen = np.isfinite(bearings)
     return wrap(sight(x[: 3 * m].reshape(m, 3), x[3 * m :].reshape(-1, 2)) - bearings)[seen]
 
 
 def jacobian(x: Array, bearings: Array) -> Array:
-    """Derivatives of `residuals`, dense, one row after the other."""
+    """Differentiate `residuals`, dense, one row after the other."""
     m, n = bearings.shape
     poses, landmarks = x[: 3 * m].reshape(m, 3), x[3 * m :].reshape(n, 2)
     rows = []
@@ -323,11 +337,22 @@ def jacobian(x: Array, bearings: Array) -> Array:
 
 
 def optimum(x: Array, bearings: Array) -> Array:
-    """Local optimum by SciPy, then plain Gauss-Newton with minimum-norm steps until nothing moves."""
-    exact = {"ftol": 1e-15, "xtol": 1e-15, "gtol": 1e-15}
-    found: Array = least_squares(residuals, x, jacobian, x_scale="jac", args=(bearings,), max_nfev=300, **exact).x
+    """Local optimum by SciPy, then Gauss-Newton with minimum-norm steps until nothing moves."""
+    found: Array = least_squares(
+        residuals,
+        x,
+        jacobian,
+        args=(bearings,),
+        x_scale="jac",
+        ftol=1e-15,
+        xtol=1e-15,
+        gtol=1e-15,
+        max_nfev=300,
+    ).x
     for _ in range(10):
-        step = np.linalg.lstsq(jacobian(found, bearings), -residuals(found, bearings), rcond=1e-9)[0]
+        step = np.linalg.lstsq(jacobian(found, bearings), -residuals(found, bearings), rcond=1e-9)[
+            0
+        ]
         if cost_of(found + step, bearings) < cost_of(found, bearings):
             found = found + step
     return found
@@ -339,7 +364,7 @@ def cost_of(x: Array, bearings: Array) -> float:
 
 
 def starts(rng: np.random.Generator, truth: Array, kind: str, m: int, n: int) -> Iterator[Array]:
-    """The truth, the truth disturbed more and more, and scenes that have nothing to do with it."""
+    """Yield the truth, the truth disturbed more and more, and scenes unrelated to it."""
     yield truth
     for amount in np.linspace(0.05, 1.5, 15):
         yield truth + amount * rng.standard_normal(truth.size)
@@ -349,32 +374,38 @@ def starts(rng: np.random.Generator, truth: Array, kind: str, m: int, n: int) ->
 
 
 def many_view_record(
-    rng: np.random.Generator, kind: str, m: int, n: int, noise_deg: float, missing: float = 0.0, rivals: int = 0
+    kind: str,
+    m: int,
+    n: int,
+    noise_deg: float,
+    missing: float,
+    rivals: int,
+    rng: np.random.Generator,
 ) -> Record:
     """One scene with the fraction `missing` of its sightings gone, and the best optima found."""
     poses, landmarks = scene(rng, kind, m, n)
     bearings = wrap(sight(poses, landmarks) + math.radians(noise_deg) * rng.standard_normal((m, n)))
     bearings[rng.random((m, n)) < missing] = np.nan
     seen = np.isfinite(bearings)
-    if seen.sum(axis=0).min() < 3 or seen.sum(axis=1).min() < 5 and missing > 0:
-        raise Unsuitable("too little seen")
+    if missing > 0 and (seen.sum(axis=0).min() < 3 or seen.sum(axis=1).min() < 5):
+        raise UnsuitableError("too little seen")
     truth = np.concatenate([poses.ravel(), landmarks.ravel()])
     spectrum = np.linalg.svd(jacobian(truth, bearings), compute_uv=False)
     if spectrum[truth.size - 5] < 3e-3 * spectrum[0]:
-        raise Unsuitable("badly conditioned")
+        raise UnsuitableError("badly conditioned")
     candidates = [optimum(x, bearings) for x in starts(rng, truth, kind, m, n)]
     costs = np.array([cost_of(x, bearings) for x in candidates])
-    # Noise-free costs differ by rounding only; `min` takes the first of equals, which started at the truth.
+    # Noise-free costs differ by rounding only; the first of equals started at the truth.
     best = candidates[int(np.argmin(np.round(costs, 20)))]
-    equal = [x for x, cost in zip(candidates, costs, strict=True) if cost <= costs.min() * (1 + 1e-9) + 1e-20]
     distinct = [best]
-    for x in equal:
+    for k in np.flatnonzero(costs <= costs.min() * (1 + 1e-9) + 1e-20):
+        x = candidates[k]
         spectrum = np.linalg.svd(jacobian(x, bearings), compute_uv=False)
         isolated = spectrum[truth.size - 5] > 1e-5 * spectrum[0]
         if isolated and all(mismatch(corners(x, m), corners(y, m)) > 1e-6 for y in distinct):
             distinct.append(x)
     if len(distinct) != rivals + 1:
-        raise Unsuitable("not the number of rivals asked for")
+        raise UnsuitableError("not the number of rivals asked for")
     maps = [aligned(x, m, np.vstack([poses[:, :2], landmarks])) for x in distinct]
     return {
         "kind": kind,
@@ -407,7 +438,7 @@ def aligned(x: Array, m: int, target: Array) -> tuple[Array, Array]:
 
 
 def similarity(source: Array, target: Array) -> tuple[float, float, Array, Array]:
-    """Scale, angle, translation and the moved source; S. Umeyama, PAMI 13(4), 1991, equations (40) to (43)."""
+    """Scale, angle, translation, moved source; S. Umeyama, PAMI 13(4), 1991, (40) to (43)."""
     mean_s, mean_t = source.mean(axis=0), target.mean(axis=0)
     covariance = (target - mean_t).T @ (source - mean_s) / len(source)
     u, d, vt = np.linalg.svd(covariance)
@@ -420,7 +451,7 @@ def similarity(source: Array, target: Array) -> tuple[float, float, Array, Array
 
 
 def complex_step_jacobian(poses: Array, landmarks: Array) -> Array:
-    """Jacobian of all bearings by complex step: no formula of ours in it, and exact to rounding."""
+    """Jacobian of all bearings by complex step: no derivative written down, exact to rounding."""
     m, n = len(poses), len(landmarks)
     x = np.concatenate([poses.ravel(), landmarks.ravel()])
     step = 1e-30
@@ -430,7 +461,7 @@ def complex_step_jacobian(poses: Array, landmarks: Array) -> Array:
         z[k] += 1j * step
         p, q = z[: 3 * m].reshape(m, 3), z[3 * m :].reshape(n, 2)
         dx, dy = (q[None, :, axis] - p[:, None, axis] for axis in (0, 1))
-        steep = np.abs(dy) > np.abs(dx)  # an arctangent of at most 1; the two differ by a constant
+        steep = np.abs(dy) > np.abs(dx)  # two arctangents that differ by a constant
         safe_dx, safe_dy = np.where(steep, 1.0, dx), np.where(steep, dy, 1.0)
         angle = np.where(steep, -np.arctan(dx / safe_dy), np.arctan(dy / safe_dx))
         columns.append((angle - p[:, 2:]).imag.ravel() / step)
@@ -438,6 +469,7 @@ def complex_step_jacobian(poses: Array, landmarks: Array) -> Array:
 
 
 def jacobian_records(rng: np.random.Generator) -> Iterator[Record]:
+    """Complex-step Jacobians of two small scenes, checked against central differences."""
     for kind, m, n in (("mixed", 3, 5), ("enclosed", 4, 4)):
         poses, landmarks = scene(rng, kind, m, n)
         matrix = complex_step_jacobian(poses, landmarks)
@@ -462,13 +494,16 @@ def jacobian_records(rng: np.random.Generator) -> Iterator[Record]:
 
 
 def resection_records(rng: np.random.Generator) -> Iterator[Record]:
+    """Exact scenes of one view, away from the circle through the landmarks."""
     for kind, n in itertools.product(("mixed", "enclosed"), (3, 4, 8)):
         while True:
             poses, landmarks = scene(rng, kind, 1, n)
-            # Rows of the linear system in (cos, sin, t1, t2): away from the circle through the landmarks.
+            # Rows of the linear resection, unknowns (cos, sin, t1, t2).
             u, v = np.cos(sight(poses, landmarks)[0]), np.sin(sight(poses, landmarks)[0])
             x, y = landmarks.T
-            spectrum = np.linalg.svd(np.column_stack([u * y - v * x, u * x + v * y, -v, u]), compute_uv=False)
+            spectrum = np.linalg.svd(
+                np.column_stack([u * y - v * x, u * x + v * y, -v, u]), compute_uv=False
+            )
             if spectrum[2] > 0.03 * spectrum[0]:
                 break
         yield {
@@ -481,6 +516,7 @@ def resection_records(rng: np.random.Generator) -> Iterator[Record]:
 
 
 def triangulation_records(rng: np.random.Generator) -> Iterator[Record]:
+    """Exact scenes in which every landmark has at least 11 degrees of parallax."""
     for kind, m, n, missing in (
         ("mixed", 2, 6, 0.0),
         ("enclosed", 2, 6, 0.0),
@@ -493,13 +529,23 @@ def triangulation_records(rng: np.random.Generator) -> Iterator[Record]:
             bearings = sight(poses, landmarks)
             bearings[rng.random((m, n)) < missing] = np.nan
             rays = bearings + poses[:, 2:]
-            apart = np.abs(np.sin(rays[:, None, :] - rays[None, :, :]))  # sine of the parallax of every pair
+            apart = np.abs(
+                np.sin(rays[:, None, :] - rays[None, :, :])
+            )  # sine of the parallax of every pair
             if np.nan_to_num(apart).max(axis=(0, 1)).min() > 0.2:
                 break
-        yield {"kind": kind, "m": m, "n": n, "poses": poses, "bearings": bearings, "landmarks": landmarks}
+        yield {
+            "kind": kind,
+            "m": m,
+            "n": n,
+            "poses": poses,
+            "bearings": bearings,
+            "landmarks": landmarks,
+        }
 
 
 def align_records(rng: np.random.Generator) -> Iterator[Record]:
+    """Point sets that differ by a similarity, by noise too, and by a reflection too."""
     for name, count, noise, mirror in (
         ("two points", 2, 0.0, 1.0),
         ("exact", 6, 0.0, 1.0),
@@ -529,44 +575,53 @@ Draw = Callable[[np.random.Generator, int], Array]
 
 
 def anywhere(rng: np.random.Generator, count: int) -> Array:
+    """Draw generic points."""
     return rng.uniform([-3.0, -2.5], [3.0, 2.5], (count, 2))
 
 
 def on_line(rng: np.random.Generator, count: int, height: float = 0.7, slope: float = 0.3) -> Array:
+    """Points on one line."""
     x = np.linspace(-3.0, 3.0, count) + rng.uniform(-0.2, 0.2, count)
     return np.column_stack([x, height + slope * x])
 
 
 def on_circle(rng: np.random.Generator, count: int, phase: float = 0.0) -> Array:
+    """Points on one circle."""
     turn = phase + 2 * math.pi * (np.arange(count) + rng.uniform(-0.3, 0.3, count)) / count
     return np.column_stack([0.4 + 2.5 * np.cos(turn), -0.2 + 2.5 * np.sin(turn)])
 
 
 def other_line(rng: np.random.Generator, count: int) -> Array:
+    """Points on one line, not that of `on_line`."""
     return on_line(rng, count, -1.6, -0.4)
 
 
 def between_on_circle(rng: np.random.Generator, count: int) -> Array:
+    """Points on the circle of `on_circle`, in its gaps."""
     return on_circle(rng, count, 0.37)
 
 
 def one_off(draw: Draw) -> Draw:
+    """Like `draw`, with the last point elsewhere."""
     return lambda rng, count: np.vstack([draw(rng, count - 1), [[0.3, 2.1]]])
 
 
 def two_coincide(rng: np.random.Generator, count: int) -> Array:
+    """Draw generic points, the first two of them the same."""
     points = anywhere(rng, count)
     points[1] = points[0]
     return points
 
 
 def square(rng: np.random.Generator, count: int) -> Array:
+    """Four corners, so on a circle."""
     assert count == 4
     return np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 
 
 def trapezoid(rng: np.random.Generator, count: int) -> Array:
-    assert count == 4  # not isosceles, so not on a circle
+    """Four corners, not isosceles, so not on a circle."""
+    assert count == 4
     return np.array([[0.0, 0.0], [3.0, 0.0], [1.4, 1.5], [0.2, 1.5]])
 
 
@@ -595,9 +650,10 @@ CONFIGURATIONS: list[tuple[str, Draw, Draw, list[tuple[int, int]], int]] = [
 
 
 def counting_records(rng: np.random.Generator) -> Iterator[Record]:
+    """Numerical rank of the bearing Jacobian in every configuration."""
     for name, draw_poses, draw_landmarks, sizes, expected in CONFIGURATIONS:
         for m, n in sizes:
-            for trial in range(200):  # the smallest extra of many scenes: chance can only add
+            for _ in range(200):  # until zero and nonzero singular values are far apart
                 points, landmarks = draw_poses(rng, m), draw_landmarks(rng, n)
                 poses = np.column_stack([points, rng.uniform(-math.pi, math.pi, m)])
                 distances = np.linalg.norm(points[:, None] - landmarks[None], axis=-1)
@@ -605,11 +661,13 @@ def counting_records(rng: np.random.Generator) -> Iterator[Record]:
                     continue
                 matrix = complex_step_jacobian(poses, landmarks)
                 spectrum = np.linalg.svd(matrix, compute_uv=False)
-                spectrum = np.concatenate([spectrum, np.zeros(matrix.shape[1] - spectrum.size)]) / spectrum[0]
+                spectrum = np.pad(spectrum, (0, matrix.shape[1] - spectrum.size)) / spectrum[0]
                 extra = int((spectrum < 1e-10).sum()) - 4
                 rank = matrix.shape[1] - 4 - extra
-                if spectrum[rank - 1] > 1e-3 or trial == 199:
+                if spectrum[rank - 1] > 1e-3:
                     break
+            else:
+                raise RuntimeError(f"{name}: no scene with a clear rank")
             yield {
                 "name": name,
                 "m": m,
@@ -627,41 +685,45 @@ def counting_records(rng: np.random.Generator) -> Iterator[Record]:
 
 
 def first_suitable(seed: int, make: Callable[[np.random.Generator], Record]) -> Record:
-    """Records of unsuitable scenes are thrown away; each record has a stream of its own."""
+    """Draw from a stream of this record's own until the scene suits."""
     rng = np.random.default_rng([20020511, seed])
     while True:
         try:
             return make(rng)
-        except Unsuitable:
+        except UnsuitableError:
             continue
 
 
 def build() -> dict[str, list[Record]]:
-    three = [*itertools.product(("mixed", "enclosed"), (5, 6, 7, 9, 12, 20), (0.0,))]
-    three += [*itertools.product(("mixed", "enclosed"), (5, 7, 12, 20), (0.3,))]
-    many: list[tuple[Any, ...]] = [
-        ("mixed", 4, 4, 0.0),
+    """Draw and solve everything; the seeds are fixed."""
+    kinds = ("mixed", "enclosed")
+    three = [
+        *itertools.product(kinds, (5, 6, 7, 9, 12, 20), (0.0,)),
+        *itertools.product(kinds, (5, 7, 12, 20), (0.3,)),
+    ]
+    many = [
+        ("mixed", 4, 4, 0.0, 0.0, 0),
         ("enclosed", 4, 4, 0.0, 0.0, 1),
-        ("mixed", 4, 7, 1.0),
-        ("enclosed", 4, 7, 0.5),
-        ("mixed", 5, 5, 0.5),
-        ("enclosed", 5, 5, 0.5),
-        ("mixed", 6, 9, 1.0),
-        ("enclosed", 6, 9, 0.5),
-        ("mixed", 8, 11, 0.5),
-        ("enclosed", 8, 11, 1.0),
-        ("mixed", 12, 15, 1.0),
-        ("enclosed", 12, 15, 0.5),
-        ("mixed", 8, 11, 1.0, 0.25),
-        ("enclosed", 12, 15, 1.0, 0.25),
+        ("mixed", 4, 7, 1.0, 0.0, 0),
+        ("enclosed", 4, 7, 0.5, 0.0, 0),
+        ("mixed", 5, 5, 0.5, 0.0, 0),
+        ("enclosed", 5, 5, 0.5, 0.0, 0),
+        ("mixed", 6, 9, 1.0, 0.0, 0),
+        ("enclosed", 6, 9, 0.5, 0.0, 0),
+        ("mixed", 8, 11, 0.5, 0.0, 0),
+        ("enclosed", 8, 11, 1.0, 0.0, 0),
+        ("mixed", 12, 15, 1.0, 0.0, 0),
+        ("enclosed", 12, 15, 0.5, 0.0, 0),
+        ("mixed", 8, 11, 1.0, 0.25, 0),
+        ("enclosed", 12, 15, 1.0, 0.25, 0),
     ]
     small = np.random.default_rng(20020511)
     return {
         "three_view": [
-            first_suitable(k, lambda rng, a=args: three_view_record(rng, *a)) for k, args in enumerate(three)
+            first_suitable(k, partial(three_view_record, *a)) for k, a in enumerate(three)
         ],
         "many_view": [
-            first_suitable(100 + k, lambda rng, a=args: many_view_record(rng, *a)) for k, args in enumerate(many)
+            first_suitable(100 + k, partial(many_view_record, *a)) for k, a in enumerate(many)
         ],
         "jacobian": [*jacobian_records(small)],
         "resection": [*resection_records(small)],
@@ -688,8 +750,8 @@ def to_text(sections: dict[str, list[Record]]) -> str:
     """One record a line: small, and a change shows which record it touched."""
     parts = []
     for name, records in sections.items():
-        lines = ",\n".join(json.dumps(plain(r), separators=(",", ":"), allow_nan=False) for r in records)
-        parts.append(f'"{name}":[\n{lines}\n]')
+        lines = [json.dumps(plain(r), separators=(",", ":"), allow_nan=False) for r in records]
+        parts.append(f'"{name}":[\n' + ",\n".join(lines) + "\n]")
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
@@ -709,12 +771,15 @@ def differences(old: Any, new: Any, where: str = "") -> Iterator[str]:
 
 
 def main() -> int:
+    """Write the file, or compare with it."""
     parser = argparse.ArgumentParser(description="Write or check tests/data/reference.json.")
-    parser.add_argument("--check", action="store_true", help="compare with the file instead of writing it")
+    parser.add_argument("--check", action="store_true", help="compare, do not write")
     args = parser.parse_args()
     sections = build()
     for record in sections["counting"]:
-        verdict = "" if record["extra"] == record["expected"] else f"  expected {record['expected']}"
+        verdict = (
+            "" if record["extra"] == record["expected"] else f"  expected {record['expected']}"
+        )
         print(f"{record['name']} ({record['m']}x{record['n']}): {record['extra']} extra{verdict}")
     text = to_text(sections)
     if not args.check:

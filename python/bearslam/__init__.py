@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Planar structure and motion from bearings alone.
+
+Poses of robots and positions of landmarks from nothing but the angles at which the robots see the landmarks: no
+odometry, no initial guess. A pose is (x, y, theta); a bearing is measured in the frame of the robot, counter-clockwise
+from its heading; all angles are radians. Bearings know no position, rotation or scale of the whole: a map is given with
+its first view at the origin, heading 0, and the root-mean-square distance of the other views from it 1.
+
+>>> import bearslam
+>>> scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
+>>> bearslam.solve(scene.bearings).converged
+True
+"""
+
+from bearslam._core import __version__
+from bearslam.align import Similarity, align
+from bearslam.errors import BearslamError, DegenerateError, InvalidInputError
+from bearslam.files import load, save
+from bearslam.problem import Problem, Sightings
+from bearslam.reconstruction import Reconstruction, Undetermined
+from bearslam.resect import resect
+from bearslam.simulate import Scene, simulate
+from bearslam.solve import initialize, refine, solve
+from bearslam.three_view import ThreeViewSolution, epipoles, three_view, trifocal_tensor
+from bearslam.triangulate import triangulate
+
+__all__ = [
+    "BearslamError",
+    "DegenerateError",
+    "InvalidInputError",
+    "Problem",
+    "Reconstruction",
+    "Scene",
+    "Sightings",
+    "Similarity",
+    "ThreeViewSolution",
+    "Undetermined",
+    "__version__",
+    "align",
+    "epipoles",
+    "initialize",
+    "load",
+    "refine",
+    "resect",
+    "save",
+    "simulate",
+    "solve",
+    "three_view",
+    "triangulate",
+    "trifocal_tensor",
+]

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""`python -m bearslam` is the command `bearslam`."""
+
+import sys
+
+from bearslam.cli import main
+
+sys.exit(main())

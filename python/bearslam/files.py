@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Sightings and maps in files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+from bearslam import map_file, sightings_file
+from bearslam.atomic import replacing
+from bearslam.errors import InvalidInputError
+from bearslam.problem import Problem, ProblemLike
+from bearslam.reconstruction import Reconstruction
+
+__all__ = ["load", "save"]
+
+
+def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
+    """Read sightings from a CSV file.
+
+    The first line names the columns, in any order: ``view``, ``landmark``, ``bearing`` [rad] or ``bearing_deg``, and if
+    need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and are numbered in the order in
+    which they come first. Empty lines and lines that start with ``#`` are skipped.
+
+    Parameters
+    ----------
+    path : str, path or binary file
+        What to read, in UTF-8.
+
+    Returns
+    -------
+    Problem
+        The sightings and the names.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are no sightings, or a line cannot be read or says again what an earlier one has said; with file and
+        line number.
+    OSError
+        If the file cannot be opened.
+
+    Examples
+    --------
+    >>> import io
+    >>> from bearslam import load
+    >>> text = b"view,landmark,bearing_deg\\nrobot,door,90\\nrobot,window,-30\\n"
+    >>> problem = load(io.BytesIO(text))
+    >>> problem.landmark_ids, problem.sightings.bearing.round(4)
+    (('door', 'window'), array([ 1.5708, -0.5236]))
+    """
+    if isinstance(path, str | os.PathLike):
+        name, data = os.fspath(path), Path(path).read_bytes()
+    else:
+        name, data = str(getattr(path, "name", "<file>")), path.read()
+    return sightings_file.parse(data, name)
+
+
+def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> None:
+    """Write sightings to a CSV file that `load` reads, or a reconstruction as `Reconstruction.save` does.
+
+    Parameters
+    ----------
+    what : Problem, Sightings, (m, n) array_like of float, or Reconstruction
+        What to write. Without names, views and landmarks go by their numbers.
+    path : str or path
+        Ends in ``.csv``, or in ``.json`` for a reconstruction with all that belongs to it. An existing file is replaced
+        in one step, never left half written.
+
+    Raises
+    ------
+    InvalidInputError
+        If the name ends in something else, or `what` is none of these.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from bearslam import load, save, simulate
+    >>> scene = simulate("mixed", 4, 9, noise=0.01, seed=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "scene.csv")
+    ...     save(scene.bearings, path)
+    ...     load(path)
+    <Problem: 36 of 9 landmarks from 4 views>
+    """
+    known = (".csv", ".json") if isinstance(what, Reconstruction) else (".csv",)
+    suffix = Path(path).suffix.lower()
+    if suffix not in known:
+        raise InvalidInputError(f"path: expected a name that ends in {' or '.join(known)}, got {os.fspath(path)!r}")
+    if not isinstance(what, Reconstruction):
+        text = sightings_file.render(what)
+    elif suffix == ".csv":
+        text = map_file.as_csv(what, what.view_ids, what.landmark_ids)
+    else:
+        text = map_file.as_json(what)
+    with replacing(path) as file:
+        file.write(text.encode())

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""What comes out: poses, landmarks and how well they explain the bearings."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from bearslam.coerce import FloatArray
+from bearslam.problem import Sightings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from bearslam.maps import MapLike
+
+__all__ = ["Reconstruction", "Undetermined"]
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """A view or landmark that the sightings do not determine.
+
+    Attributes
+    ----------
+    kind : {"view", "landmark"}
+        Which of the two.
+    index : int
+        Its row in `Reconstruction.poses` or `Reconstruction.landmarks`, which is NaN.
+    reason : str
+        What is missing.
+    """
+
+    kind: Literal["view", "landmark"]
+    index: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reconstruction:
+    """A map made from bearings alone, and how well it explains them.
+
+    Attributes
+    ----------
+    poses : (m, 3) ndarray
+        Position and heading (x, y, theta) of each view, heading in (-pi, pi]; NaN where undetermined. The first
+        determined view is at the origin with heading 0, and the root-mean-square distance of the other views from it
+        is 1: bearings know no scale [that distance, rad].
+    landmarks : (n, 2) ndarray
+        Positions in the same frame; NaN where undetermined.
+    sightings : Sightings
+        The sightings that were explained, each with its standard deviation, in the order of `residuals`; those of an
+        (m, n) array row by row.
+    residuals : (m, n) or (k,) ndarray
+        Measured minus predicted bearing, in (-pi, pi], in the shape of the problem; NaN where nothing was seen or
+        nothing can be predicted [rad].
+    cost : float
+        Half the sum of the squares of residual over standard deviation.
+    rms : float
+        Root mean square of the residuals [rad].
+    converged : bool
+        Whether the refinement ended in a minimum. False where there was no refinement.
+    termination : str
+        Why the refinement ended.
+    iterations : int
+        Steps that the refinement took.
+    undetermined : tuple of Undetermined
+        The views and landmarks that are NaN, with the reason.
+    alternatives : tuple of Reconstruction
+        Other maps that explain the bearings nearly as well, for example the mirror branch, best first.
+    view_ids, landmark_ids : tuple of str, or None
+        The names that views and landmarks have in the file that the problem came from.
+    """
+
+    poses: FloatArray
+    landmarks: FloatArray
+    sightings: Sightings
+    residuals: FloatArray
+    cost: float
+    rms: float
+    converged: bool
+    termination: str
+    iterations: int
+    undetermined: tuple[Undetermined, ...] = ()
+    alternatives: tuple[Reconstruction, ...] = ()
+    view_ids: tuple[str, ...] | None = None
+    landmark_ids: tuple[str, ...] | None = None
+
+    def __repr__(self) -> str:
+        missing = f", {len(self.undetermined)} undetermined" if self.undetermined else ""
+        return (
+            f"<Reconstruction: {len(self.poses)} views, {len(self.landmarks)} landmarks{missing}, "
+            f"rms {self.rms:.3g} rad, {self.termination}>"
+        )
+
+    def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
+        """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Where to draw; by default in a new figure.
+        truth : Scene, Reconstruction or (poses, landmarks), optional
+            Drawn as well, and the map is laid over it by the similarity that fits best.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes drawn into.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed (``pip install "bearslam[plot]"``).
+        """
+        from bearslam.plot import plot
+
+        return plot(self, ax, truth)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`.
+
+        An existing file is replaced in one step, never left half written.
+
+        Raises
+        ------
+        InvalidInputError
+            If the name ends in neither.
+        OSError
+            If it cannot be written.
+        """
+        from bearslam.files import save
+
+        save(self, path)

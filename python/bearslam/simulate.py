@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Scenes with known truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from bearslam import _core
+from bearslam.coerce import FloatArray, choice, real, whole
+from bearslam.problem import Sightings
+
+__all__ = ["LAYOUTS", "Layout", "Scene", "simulate"]
+
+Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
+LAYOUTS = ("mixed", "enclosed", "trajectory")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene:
+    """Poses and landmarks that are known, and the noisy bearings between them.
+
+    Attributes
+    ----------
+    poses : (m, 3) ndarray
+        Position and heading (x, y, theta) of each view [m, rad].
+    landmarks : (n, 2) ndarray
+        Positions [m].
+    bearings : (m, n) ndarray
+        Direction in which each view sees each landmark, with noise, in (-pi, pi]; NaN where it does not [rad].
+    """
+
+    poses: FloatArray
+    landmarks: FloatArray
+    bearings: FloatArray
+
+    def __repr__(self) -> str:
+        seen = int(np.isfinite(self.bearings).sum())
+        return f"<Scene: {seen} sightings of {len(self.landmarks)} landmarks from {len(self.poses)} views>"
+
+    @property
+    def sightings(self) -> Sightings:
+        """The bearings as parallel arrays, view by view."""
+        view, landmark = np.nonzero(np.isfinite(self.bearings))
+        return Sightings(view, landmark, self.bearings[view, landmark])
+
+
+def simulate(
+    layout: Layout,
+    views: int,
+    landmarks: int,
+    *,
+    noise: float,
+    seed: int,
+    width: float = 7.0,
+    height: float = 5.0,
+    sight: float = math.inf,
+) -> Scene:
+    """Scene drawn at random: views and landmarks in an arena, and what the views see.
+
+    Parameters
+    ----------
+    layout : {"mixed", "enclosed", "trajectory"}
+        "mixed": views and landmarks anywhere in the arena. "enclosed": landmarks on its border, views inside.
+        "trajectory": views along a path among landmarks.
+    views, landmarks : int
+        How many of each, 1 or more.
+    noise : float
+        Standard deviation of the bearings [rad].
+    seed : int
+        The same seed gives the same scene on every machine.
+    width, height : float
+        Of the arena [m].
+    sight : float
+        How far a view sees [m].
+
+    Returns
+    -------
+    Scene
+        The truth and the bearings.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument is out of range.
+
+    References
+    ----------
+    Dellaert and Stroupe, ICRA 2002, section 4.2, for "mixed" and "enclosed" and the size of the arena.
+
+    Examples
+    --------
+    >>> from bearslam import simulate
+    >>> simulate("mixed", 4, 9, noise=0.04, seed=1)
+    <Scene: 36 sightings of 9 landmarks from 4 views>
+    """
+    poses, points, bearings = _core.simulate(
+        choice("layout", layout, LAYOUTS),
+        whole("views", views, 1),
+        whole("landmarks", landmarks, 1),
+        real("noise", noise, 0.0),
+        whole("seed", seed, 0),
+        real("width", width, 0.0, above=True),
+        real("height", height, 0.0, above=True),
+        real("sight", sight, 0.0, above=True, infinite=True),
+    )
+    return Scene(poses, points, bearings)

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Reconstruction of many views: from nothing, from a guess, or without the refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, TypeAlias, cast
+
+from numpy.typing import ArrayLike
+
+from bearslam import _core
+from bearslam.coerce import Progress, choice, observer, real, whole
+from bearslam.maps import MapLike, pick
+from bearslam.problem import ProblemLike, Table, tabulate
+from bearslam.reconstruction import Reconstruction, Undetermined
+
+if TYPE_CHECKING:
+    from bearslam._core import RawReconstruction
+
+__all__ = ["METHODS", "Method", "initialize", "refine", "solve"]
+
+Method: TypeAlias = Literal["search", "calibrated", "projective"]
+METHODS = ("search", "calibrated", "projective")
+
+
+def solve(
+    problem: ProblemLike,
+    *,
+    sigma: ArrayLike = 1.0,
+    method: Method = "search",
+    triples: int = 24,
+    candidates: int = 3,
+    max_iterations: int = 100,
+    damping: float = 1e-4,
+    tolerance: float = 1e-12,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """Poses and landmarks from bearings alone: no odometry, no guess.
+
+    Linear reconstructions of many triples of views are extended to all views by resection and triangulation; the best
+    few are refined; the best of those is the answer.
+
+    Parameters
+    ----------
+    problem : (m, n) array_like of float, Sightings or Problem
+        Bearings at which view i sees landmark j, in the frame of the view, counter-clockwise from its heading; NaN
+        where it does not [rad]. Three views with five landmarks or four with four are the least.
+    sigma : float or array_like of float
+        Standard deviation of all bearings or of each, in the shape of the problem [rad]. Sightings may come with their
+        own instead.
+    method : {"search", "calibrated", "projective"}
+        "search" tries many triples. "calibrated" and "projective" are the path of the paper: they start from the first
+        three views, with the tensor of that name (see `three_view`), and choose between its two solutions by a fourth.
+    triples : int
+        Triples of views to try; "search" only.
+    candidates : int
+        Of the maps that the triples yield, so many are refined.
+    max_iterations : int
+        Steps of one refinement at most.
+    damping : float
+        First damping of Levenberg-Marquardt; 0 for Gauss-Newton.
+    tolerance : float
+        The refinement has converged when a step would lower the cost by less than this share of it.
+    seed : int
+        Where the draw of triples starts. The same seed gives the same bits.
+    progress : callable, optional
+        Called now and then as ``progress(stage, done, total)``. An exception raised in it stops the work.
+
+    Returns
+    -------
+    Reconstruction
+        The best map; others that explain the bearings nearly as well are its `alternatives`.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument is out of range, a landmark is seen twice by a view, or there are too few sightings.
+    DegenerateError
+        If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place.
+
+    See Also
+    --------
+    initialize : the same without the refinement.
+    refine : the refinement alone.
+
+    References
+    ----------
+    Dellaert and Stroupe, ICRA 2002.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from bearslam import align, simulate, solve
+    >>> scene = simulate("mixed", 4, 9, noise=0.0, seed=1)
+    >>> result = solve(scene.bearings)
+    >>> result.rms < 1e-9
+    True
+    >>> similarity = align(result.landmarks, scene.landmarks)
+    >>> bool(np.allclose(similarity.apply_poses(result.poses), scene.poses, atol=1e-6))
+    True
+
+    Two views never determine a map:
+
+    >>> solve(scene.bearings[:2])
+    Traceback (most recent call last):
+    bearslam.errors.InvalidInputError: ...
+    """
+    table = tabulate(problem, sigma)
+    raws = _core.solve(
+        table.views,
+        table.landmarks,
+        table.sightings.view,
+        table.sightings.landmark,
+        table.sightings.bearing,
+        table.sigma,
+        method=choice("method", method, METHODS),
+        triples=whole("triples", triples, 1),
+        candidates=whole("candidates", candidates, 1),
+        max_iterations=whole("max_iterations", max_iterations, 1),
+        damping=real("damping", damping, 0.0),
+        tolerance=real("tolerance", tolerance, 0.0),
+        seed=whole("seed", seed, 0),
+        progress=observer(progress),
+    )
+    return _ranked(table, raws)
+
+
+def initialize(
+    problem: ProblemLike,
+    *,
+    sigma: ArrayLike = 1.0,
+    method: Method = "search",
+    triples: int = 24,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """Poses and landmarks by linear methods alone: a start for `refine`, or something to compare `solve` with.
+
+    Parameters
+    ----------
+    problem, sigma, method, triples, seed, progress
+        As for `solve`.
+
+    Returns
+    -------
+    Reconstruction
+        The best map before any refinement, and its `alternatives`.
+
+    Raises
+    ------
+    InvalidInputError, DegenerateError
+        As for `solve`.
+
+    References
+    ----------
+    Dellaert and Stroupe, ICRA 2002, section 3.
+
+    Examples
+    --------
+    >>> from bearslam import initialize, simulate, solve
+    >>> scene = simulate("enclosed", 4, 9, noise=0.01, seed=1)
+    >>> linear = initialize(scene.bearings, method="projective")
+    >>> linear.cost > solve(scene.bearings).cost
+    True
+    """
+    table = tabulate(problem, sigma)
+    raws = _core.initialize(
+        table.views,
+        table.landmarks,
+        table.sightings.view,
+        table.sightings.landmark,
+        table.sightings.bearing,
+        table.sigma,
+        method=choice("method", method, METHODS),
+        triples=whole("triples", triples, 1),
+        seed=whole("seed", seed, 0),
+        progress=observer(progress),
+    )
+    return _ranked(table, raws)
+
+
+def refine(
+    problem: ProblemLike,
+    start: MapLike,
+    *,
+    sigma: ArrayLike = 1.0,
+    max_iterations: int = 100,
+    damping: float = 1e-4,
+    tolerance: float = 1e-12,
+    progress: Progress | None = None,
+) -> Reconstruction:
+    """Nearest map of least squared bearing residuals, by Levenberg-Marquardt from a start.
+
+    Parameters
+    ----------
+    problem, sigma, max_iterations, damping, tolerance, progress
+        As for `solve`.
+    start : Reconstruction, Scene or (poses, landmarks)
+        Poses (m, 3) and landmarks (n, 2) to start at, in any frame and scale; NaN for what is to be left out.
+
+    Returns
+    -------
+    Reconstruction
+        The minimum that was reached, in the gauge of every reconstruction (the first view at the origin).
+
+    Raises
+    ------
+    InvalidInputError
+        As for `solve`, or if the start has another size than the problem.
+    DegenerateError
+        If a view of the start stands on a landmark that it sees, or the map has more freedom than a similarity.
+
+    References
+    ----------
+    Dellaert and Stroupe, ICRA 2002, section 3.6.
+
+    Examples
+    --------
+    >>> from bearslam import refine, simulate
+    >>> scene = simulate("mixed", 6, 12, noise=0.01, seed=1)
+    >>> result = refine(scene.bearings, scene)
+    >>> result.converged
+    True
+    """
+    table = tabulate(problem, sigma)
+    guess = pick("start", start, table.views, table.landmarks)
+    raw = _core.refine(
+        table.views,
+        table.landmarks,
+        table.sightings.view,
+        table.sightings.landmark,
+        table.sightings.bearing,
+        table.sigma,
+        guess.poses,
+        guess.landmarks,
+        max_iterations=whole("max_iterations", max_iterations, 1),
+        damping=real("damping", damping, 0.0),
+        tolerance=real("tolerance", tolerance, 0.0),
+        progress=observer(progress),
+    )
+    return _wrapped(table, raw, ())
+
+
+def _ranked(table: Table, raws: Sequence[RawReconstruction]) -> Reconstruction:
+    winner, *others = raws
+    return _wrapped(table, winner, tuple(_wrapped(table, other, ()) for other in others))
+
+
+def _wrapped(table: Table, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...]) -> Reconstruction:
+    return Reconstruction(
+        poses=raw["poses"],
+        landmarks=raw["landmarks"],
+        sightings=table.sightings,
+        residuals=table.restore(raw["residuals"]),
+        cost=raw["cost"],
+        rms=raw["rms"],
+        converged=raw["converged"],
+        termination=raw["termination"],
+        iterations=raw["iterations"],
+        undetermined=tuple(
+            Undetermined(cast(Literal["view", "landmark"], kind), index, reason)
+            for kind, index, reason in raw["undetermined"]
+        ),
+        alternatives=alternatives,
+        view_ids=table.view_ids,
+        landmark_ids=table.landmark_ids,
+    )
