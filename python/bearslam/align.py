@@ -36,7 +36,8 @@ class Similarity:
         """Points (k, 2) moved into the frame of the target; NaN stays NaN."""
         array = floats("points", points, ("k", 2), missing=True)
         c, s = self.scale * np.cos(self.angle), self.scale * np.sin(self.angle)
-        return array @ np.array([[c, s], [-s, c]]) + self.translation
+        moved: FloatArray = array @ np.array([[c, s], [-s, c]]) + self.translation
+        return moved
 
     def apply_poses(self, poses: ArrayLike) -> FloatArray:
         """Poses (k, 3) moved into the frame of the target, headings in (-pi, pi]; NaN stays NaN."""

@@ -6,14 +6,14 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Sequence
-from typing import SupportsFloat, SupportsIndex, TypeAlias
+from typing import Any, SupportsFloat, SupportsIndex, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bearslam.errors import InvalidInputError
 
-__all__ = ["FloatArray", "IntArray", "Progress", "choice", "floats", "indices", "observer", "real", "whole"]
+__all__ = ["FloatArray", "IntArray", "Progress", "choice", "floats", "indices", "observer", "plain", "real", "whole"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
@@ -24,30 +24,41 @@ INDEX_LIMIT = 2**24
 """Views or landmarks in one problem: an index above it is an identifier that nobody has numbered from 0."""
 
 
+def plain(name: str, value: ArrayLike) -> NDArray[Any]:
+    """Array of whatever it is."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise InvalidInputError(f"{name}: expected a plain array, got a masked one; use .filled(numpy.nan)")
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"{name}: expected an array of numbers, got rows that do not fit together") from error
+
+
 def floats(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
     """Float64 array in C order, of the given shape (letters stand for any length).
 
     Every entry is finite; with `missing`, NaN is allowed as well.
     """
-    array = _array(name, value)
+    array = plain(name, value)
     if array.dtype.kind not in "fiu":
         raise InvalidInputError(f"{name}: expected real numbers, got an array of dtype {array.dtype}")
     if array.ndim != len(shape) or any(
         isinstance(want, int) and want != got for want, got in zip(shape, array.shape, strict=True)
     ):
         raise InvalidInputError(f"{name}: expected an array of shape {_shape(shape)}, got {_shape(array.shape)}")
-    array = np.ascontiguousarray(array, dtype=np.float64)
-    bad = np.isinf(array) if missing else ~np.isfinite(array)
+    numbers = np.asarray(array, dtype=np.float64, order="C")
+    bad = np.isinf(numbers) if missing else ~np.isfinite(numbers)
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        wanted = "a finite number, or NaN for what was not seen" if missing else "a finite number"
-        raise InvalidInputError(f"{name}[{', '.join(map(str, where))}]: expected {wanted}, got {array[where]}")
-    return array
+        place = f"[{', '.join(map(str, where))}]" if where else ""
+        wanted = "a finite number, or NaN for what is missing" if missing else "a finite number"
+        raise InvalidInputError(f"{name}{place}: expected {wanted}, got {numbers[where]}")
+    return numbers
 
 
 def indices(name: str, value: ArrayLike) -> IntArray:
     """Int64 array of shape (k,) with 0-based indices."""
-    array = _array(name, value)
+    array = plain(name, value)
     if array.ndim != 1:
         raise InvalidInputError(f"{name}: expected an array of shape (k,), got {_shape(array.shape)}")
     if array.size == 0:
@@ -62,7 +73,7 @@ def indices(name: str, value: ArrayLike) -> IntArray:
 
 
 def whole(name: str, value: SupportsIndex, low: int) -> int:
-    """Integer that is at least `low` and fits 64 bits without a sign, or 63 where `low` is above 0."""
+    """Integer from `low` to the largest that every 64-bit integer can hold."""
     try:
         number = operator.index(value)
     except TypeError:
@@ -87,7 +98,7 @@ def real(name: str, value: SupportsFloat, low: float, *, above: bool = False, in
 
 def choice(name: str, value: str, known: Sequence[str]) -> str:
     """One of the known words."""
-    if not isinstance(value, str) or value not in known:
+    if value not in known:
         raise InvalidInputError(f"{name}: expected {' or '.join(map(repr, known))}, got {value!r}")
     return value
 
@@ -97,15 +108,6 @@ def observer(progress: Progress | None) -> Progress | None:
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: expected None or a function (stage, done, total), got {progress!r}")
     return progress
-
-
-def _array(name: str, value: ArrayLike) -> NDArray[np.generic]:
-    if isinstance(value, np.ma.MaskedArray):
-        raise InvalidInputError(f"{name}: expected a plain array, got a masked one; use .filled(numpy.nan)")
-    try:
-        return np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name}: expected an array of numbers, got rows that do not fit together") from error
 
 
 def _shape(shape: Sequence[int | str]) -> str:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,12 +13,16 @@ from bearslam.atomic import replacing
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Problem, ProblemLike
 from bearslam.reconstruction import Reconstruction
+from bearslam.simulate import Scene
 
-__all__ = ["load", "save"]
+__all__ = ["MAPS", "kind", "load", "save", "save_truth"]
+
+MAPS = (".json", ".csv")
+"""Endings of the files that hold maps."""
 
 
 def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
-    """Read sightings from a CSV file.
+    r"""Read sightings from a CSV file.
 
     The first line names the columns, in any order: ``view``, ``landmark``, ``bearing`` [rad] or ``bearing_deg``, and if
     need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and are numbered in the order in
@@ -45,7 +50,7 @@ def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
     --------
     >>> import io
     >>> from bearslam import load
-    >>> text = b"view,landmark,bearing_deg\\nrobot,door,90\\nrobot,window,-30\\n"
+    >>> text = b"view,landmark,bearing_deg\nrobot,door,90\nrobot,window,-30\n"
     >>> problem = load(io.BytesIO(text))
     >>> problem.landmark_ids, problem.sightings.bearing.round(4)
     (('door', 'window'), array([ 1.5708, -0.5236]))
@@ -86,15 +91,29 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     ...     load(path)
     <Problem: 36 of 9 landmarks from 4 views>
     """
-    known = (".csv", ".json") if isinstance(what, Reconstruction) else (".csv",)
-    suffix = Path(path).suffix.lower()
-    if suffix not in known:
-        raise InvalidInputError(f"path: expected a name that ends in {' or '.join(known)}, got {os.fspath(path)!r}")
     if not isinstance(what, Reconstruction):
+        kind(path, (".csv",))
         text = sightings_file.render(what)
-    elif suffix == ".csv":
+    elif kind(path, MAPS) == ".csv":
         text = map_file.as_csv(what, what.view_ids, what.landmark_ids)
     else:
         text = map_file.as_json(what)
+    _write(path, text)
+
+
+def save_truth(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write the poses and landmarks of a scene in the formats of a reconstruction, without what it adds to them."""
+    _write(path, map_file.as_csv(scene) if kind(path, MAPS) == ".csv" else map_file.truth_as_json(scene))
+
+
+def kind(path: str | os.PathLike[str], known: Sequence[str]) -> str:
+    """The ending of a file name, one of those that are known."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in known:
+        raise InvalidInputError(f"path: expected a name that ends in {' or '.join(known)}, got {os.fspath(path)!r}")
+    return suffix
+
+
+def _write(path: str | os.PathLike[str], text: str) -> None:
     with replacing(path) as file:
         file.write(text.encode())

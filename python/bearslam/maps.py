@@ -20,9 +20,12 @@ class HasMap(Protocol):
     """Anything with poses and landmarks: a reconstruction, a simulated scene, a three-view solution."""
 
     @property
-    def poses(self) -> FloatArray: ...
+    def poses(self) -> FloatArray:
+        """(m, 3): x, y, theta."""
+
     @property
-    def landmarks(self) -> FloatArray: ...
+    def landmarks(self) -> FloatArray:
+        """(n, 2): x, y."""
 
 
 class Map(NamedTuple):

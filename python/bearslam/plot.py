@@ -6,14 +6,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bearslam.atomic import replacing
-from bearslam.coerce import FloatArray
-from bearslam.errors import InvalidInputError
+from bearslam.files import kind
 from bearslam.maps import Map, MapLike, pick, register
 
 try:
@@ -22,6 +21,7 @@ try:
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
 except ImportError as error:  # pragma: no cover
     raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from error
 
@@ -32,7 +32,23 @@ if TYPE_CHECKING:
     from bearslam.problem import Sightings
     from bearslam.reconstruction import Reconstruction
 
-__all__ = ["ESTIMATE", "FORMATS", "LINEAR", "TRUTH", "Entry", "Look", "draw_map", "draw_rays", "finish", "plot"]
+__all__ = [
+    "ESTIMATE",
+    "FORMATS",
+    "LINEAR",
+    "TRUTH",
+    "Entry",
+    "Look",
+    "draw_map",
+    "draw_offsets",
+    "draw_rays",
+    "draw_to_file",
+    "extent",
+    "finish",
+    "laid_over",
+    "plot",
+    "save_figure",
+]
 
 FORMATS = (".png", ".svg", ".pdf")
 Entry: TypeAlias = tuple[Artist | tuple[Artist, ...], str]
@@ -64,9 +80,9 @@ LABELLED = 40
 def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
     """Draw a reconstruction; see `Reconstruction.plot`."""
     if ax is None:
-        from matplotlib import pyplot
+        import matplotlib.pyplot as plt
 
-        _, ax = pyplot.subplots(layout="constrained")
+        _, ax = plt.subplots(layout="constrained")
     shown = Map(result.poses, result.landmarks)
     if truth is None:
         scale = extent(shown)
@@ -105,7 +121,7 @@ def draw_map(
     face = look.color if look.filled else "none"
     ax.add_collection(
         PolyCollection(
-            np.stack([turned.real, turned.imag], axis=-1),
+            list(np.stack([turned.real, turned.imag], axis=-1)),
             facecolors=face,
             edgecolors=look.color,
             linewidths=1.1,
@@ -113,25 +129,31 @@ def draw_map(
             zorder=look.zorder,
         )
     )
-    style = {
-        "color": look.color,
-        "markerfacecolor": face,
-        "markeredgecolor": look.color,
-        "markeredgewidth": 1.1,
-        "linestyle": "none",
-    }
-    ax.plot(*drawn.landmarks.T, marker=look.marker, markersize=look.size, zorder=look.zorder, **style)
+
+    def symbol(marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
+        line = Line2D(x, y, color=look.color, linestyle="none", marker=marker, markersize=size, zorder=look.zorder)
+        line.set(markerfacecolor=face, markeredgecolor=look.color, markeredgewidth=1.1)
+        return line
+
+    ax.add_line(symbol(look.marker, look.size, *drawn.landmarks.T))
     if names is not None and len(drawn.poses) <= LABELLED:
         for name, (px, py, heading) in zip(names, drawn.poses, strict=True):
             if np.isfinite(px + py + heading):
                 away = 0.045 * scale * np.exp(1j * (heading + np.pi))
-                ax.text(
-                    px + away.real, py + away.imag, str(name), color=look.color, fontsize=8, ha="center", va="center"
-                )
+                text = ax.text(px + away.real, py + away.imag, str(name), color=look.color, fontsize=8)
+                text.set(ha="center", va="center", zorder=look.zorder + 1)
+                text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
     ax.autoscale_view()
-    robot = Line2D([], [], marker=(3, 0, -90), markersize=9, **style)
-    landmark = Line2D([], [], marker=look.marker, markersize=look.size, **style)
-    return (robot, landmark), label
+    return (symbol(">", 8.0), symbol(look.marker, look.size)), label
+
+
+def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
+    """Thin lines between what is the same in two maps."""
+    lines = np.stack([np.concatenate([one.poses[:, :2], one.landmarks]) for one in (start, end)], axis=1)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    ax.add_collection(
+        LineCollection(list(lines), colors=look.color, linewidths=0.8, linestyles=":", zorder=look.zorder - 0.1)
+    )
 
 
 def draw_rays(ax: Axes, drawn: Map, sightings: Sightings, label: str) -> Entry:
@@ -144,13 +166,13 @@ def draw_rays(ax: Axes, drawn: Map, sightings: Sightings, label: str) -> Entry:
     lines = np.stack([start, end], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
     width = 0.7 if len(lines) <= 300 else 0.3
-    ax.add_collection(LineCollection(lines, colors=RAY, linewidths=width, alpha=0.7, zorder=1.0))
+    ax.add_collection(LineCollection(list(lines), colors=RAY, linewidths=width, alpha=0.6, zorder=1.0))
     return Line2D([], [], color=RAY, linewidth=0.9), label
 
 
 def finish(ax: Axes, unit: str, entries: Sequence[Entry]) -> None:
     """Equal scales, named axes and a legend beside the map."""
-    ax.set_aspect("equal", adjustable="datalim" if ax.get_autoscale_on() else "box")
+    ax.set_aspect("equal", adjustable="box")
     ax.set_xlabel(f"x [{unit}]")
     ax.set_ylabel(f"y [{unit}]")
     ax.grid(color="#e6e6e6", linewidth=0.6)
@@ -170,17 +192,18 @@ def finish(ax: Axes, unit: str, entries: Sequence[Entry]) -> None:
     )
 
 
-def check_name(path: str | os.PathLike[str]) -> str:
-    """The kind of picture that a file name stands for."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
-        raise InvalidInputError(f"expected the name of a picture in {', '.join(FORMATS)}, got {os.fspath(path)!r}")
-    return suffix
+def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:
+    """Draw a reconstruction into a file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    plot(result, figure.add_subplot())
+    save_figure(figure, path)
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure to a file, in one step; the same figure gives the same bytes."""
-    kind = check_name(path)[1:]
-    dates = {"png": {}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    suffix = kind(path, FORMATS)
+    undated: dict[str, dict[str, str | None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with mpl.rc_context({"svg.hashsalt": "bearslam"}), replacing(path) as file:
-        figure.savefig(file, format=kind, dpi=200, metadata=dates[kind])
+        figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix])

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.coerce import FloatArray, IntArray, floats, indices
+from bearslam.coerce import FloatArray, IntArray, floats, indices, plain
 from bearslam.errors import InvalidInputError
 
 __all__ = ["Problem", "ProblemLike", "Sightings"]
@@ -147,38 +147,37 @@ class Table:
 def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0) -> Table:
     """The sightings of any kind of problem, checked, with a standard deviation each."""
     if isinstance(problem, Problem):
-        table = tabulate(problem.sightings, sigma)
-        ids = problem.view_ids, problem.landmark_ids
-        return Table(table.views, table.landmarks, table.sightings, table.sigma, False, *ids)
+        return replace(tabulate(problem.sightings, sigma), view_ids=problem.view_ids, landmark_ids=problem.landmark_ids)
     if isinstance(problem, Sightings):
         if problem.sigma is None:
             each = deviations(sigma, (len(problem),))
             problem = Sightings(problem.view, problem.landmark, problem.bearing, each)
-        elif np.ndim(sigma) != 0 or sigma != 1.0:
+        elif not np.array_equal(plain("sigma", sigma), 1.0):
             raise InvalidInputError("sigma: the sightings come with standard deviations of their own; give only one")
         else:
             each = problem.sigma
-        return Table(problem.view_count, problem.landmark_count, problem, each, False)
+        return Table(problem.view_count, problem.landmark_count, problem, each, dense=False)
     bearings = floats("bearings", problem, ("m", "n"), missing=True)
     seen = ~np.isnan(bearings)
     if not seen.any():
         raise InvalidInputError(f"bearings: expected at least one sighting, got none in shape {bearings.shape}")
     each = deviations(sigma, bearings.shape, seen)
     view, landmark = np.nonzero(seen)
-    return Table(*bearings.shape, Sightings(view, landmark, bearings[seen], each), each, True)
+    views, landmarks = bearings.shape
+    return Table(views, landmarks, Sightings(view, landmark, bearings[seen], each), each, dense=True)
 
 
 def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_] | None = None) -> FloatArray:
     """One standard deviation for all sightings or one for each, as one for each."""
-    if np.ndim(sigma) == 0:
-        values = np.broadcast_to(floats("sigma", sigma, ()), shape)
-    else:
-        values = floats("sigma", sigma, shape, missing=seen is not None)
+    given = plain("sigma", sigma)
+    one = given.ndim == 0
+    values = floats("sigma", given, () if one else shape, missing=seen is not None and not one)
+    values = np.broadcast_to(values, shape)
     if seen is not None:
         values = values[seen]
     bad = ~(values > 0)
     if bad.any():
-        where = "" if np.ndim(sigma) == 0 else f"[{int(np.argmax(bad))}]"
+        where = "" if one else f"[{int(np.argmax(bad))}]"
         raise InvalidInputError(f"sigma{where}: expected a number above 0 for every sighting, got {values[bad][0]:g}")
     return np.ascontiguousarray(values)
 
@@ -188,8 +187,8 @@ def _names(name: str, values: Iterable[str], count: int) -> tuple[str, ...]:
     if len(names) != count:
         raise InvalidInputError(f"{name}: expected {count} names, got {len(names)}")
     for i, one in enumerate(names):
-        if not isinstance(one, str) or not one or one != one.strip() or "\n" in one or "\r" in one:
-            raise InvalidInputError(f"{name}[{i}]: expected a word or more on one line, got {one!r}")
+        if not (type(one) is str and one and one == one.strip()) or "\n" in one or "\r" in one:
+            raise InvalidInputError(f"{name}[{i}]: expected a name on one line without blanks around it, got {one!r}")
     if len(set(names)) != count:
         twice = next(one for i, one in enumerate(names) if one in names[:i])
         raise InvalidInputError(f"{name}: expected distinct names, got {twice!r} twice")

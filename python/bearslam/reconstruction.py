@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from bearslam.coerce import FloatArray
 from bearslam.problem import Sightings
@@ -15,7 +15,13 @@ if TYPE_CHECKING:
 
     from bearslam.maps import MapLike
 
-__all__ = ["Reconstruction", "Undetermined"]
+__all__ = ["Reconstruction", "Termination", "Undetermined"]
+
+Termination: TypeAlias = Literal[
+    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "singular"
+]
+"""Why a refinement ended. The second, third and fourth are minima: the last step lowered the cost by less than the
+tolerance, there is nothing left to lower, or no step lowers it."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +68,9 @@ class Reconstruction:
     converged : bool
         Whether the refinement ended in a minimum. False where there was no refinement.
     termination : str
-        Why the refinement ended.
+        Why the refinement ended: "converged" (the last step lowered the cost by less than the tolerance),
+        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations", "singular";
+        "not_refined" where there was none.
     iterations : int
         Steps that the refinement took.
     undetermined : tuple of Undetermined
@@ -80,7 +88,7 @@ class Reconstruction:
     cost: float
     rms: float
     converged: bool
-    termination: str
+    termination: Termination
     iterations: int
     undetermined: tuple[Undetermined, ...] = ()
     alternatives: tuple[Reconstruction, ...] = ()

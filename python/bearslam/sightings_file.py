@@ -85,9 +85,7 @@ def render(problem: ProblemLike) -> str:
 
 def row(*cells: str) -> str:
     """One line of CSV, which is no comment whatever is in it."""
-    quoted = (
-        '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"#') else cell for cell in cells
-    )
+    quoted = ('"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"#') else cell for cell in cells)
     return ",".join(quoted) + "\n"
 
 

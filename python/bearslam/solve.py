@@ -12,7 +12,7 @@ from bearslam import _core
 from bearslam.coerce import Progress, choice, observer, real, whole
 from bearslam.maps import MapLike, pick
 from bearslam.problem import ProblemLike, Table, tabulate
-from bearslam.reconstruction import Reconstruction, Undetermined
+from bearslam.reconstruction import Reconstruction, Termination, Undetermined
 
 if TYPE_CHECKING:
     from bearslam._core import RawReconstruction
@@ -256,10 +256,10 @@ def _wrapped(table: Table, raw: RawReconstruction, alternatives: tuple[Reconstru
         cost=raw["cost"],
         rms=raw["rms"],
         converged=raw["converged"],
-        termination=raw["termination"],
+        termination=cast("Termination", raw["termination"]),
         iterations=raw["iterations"],
         undetermined=tuple(
-            Undetermined(cast(Literal["view", "landmark"], kind), index, reason)
+            Undetermined(cast("Literal['view', 'landmark']", kind), index, reason)
             for kind, index, reason in raw["undetermined"]
         ),
         alternatives=alternatives,

@@ -113,9 +113,7 @@ def three_view(
     return [ThreeViewSolution(**raw) for raw in _core.three_view(array, method, whole("reweights", reweights, 0))]
 
 
-def trifocal_tensor(
-    bearings: ArrayLike, *, method: ThreeViewMethod = "calibrated", reweights: int = 2
-) -> FloatArray:
+def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrated", reweights: int = 2) -> FloatArray:
     """Trifocal tensor of three views, from the bearings of n landmarks.
 
     Minimises sum_k (sum_ijl T_ijl u_i v_j w_l)^2 over the tensors of unit norm, where u, v, w = (cos a, sin a) are the

@@ -4,12 +4,12 @@
 //! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
-use super::motion::LineMotion;
+use super::motion::{LineMotion, Motion};
 use super::triangular::{NullSpace, TriangularFactor};
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
 use crate::scalar::Real;
-use nalgebra::Complex;
+use nalgebra::{Complex, Vector6};
 
 /// The three complex coefficients of `Re(A u v w* + B u v* w + C u* v w) = 0`, equation (T1).
 ///
@@ -70,15 +70,48 @@ impl<T: Real> CalibratedTensor<T> {
         }
     }
 
+    /// Both motions that have this tensor, settled by the signs of the bearings.
+    ///
+    /// # Errors
+    /// [`Error::Degenerate`] when a side of the triangle of views vanishes: two views coincide.
+    pub fn motions(&self, triples: &[Triple<T>]) -> Result<[Motion<T>; 2], Error> {
+        Ok(self.line_motions()?.map(|line| line.settle(triples)))
+    }
+
+    /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
+    /// more landmarks.
+    pub fn null_pair(triples: &[Triple<T>]) -> [Self; 2] {
+        let null = null_space(triples, |_| T::one());
+        let [first, second] = null.vectors;
+        [
+            Self::from_vector(&first, null.singular_values),
+            Self::from_vector(&second, null.singular_values),
+        ]
+    }
+
+    /// The linear combination of two tensors.
+    pub fn combine(pair: &[Self; 2], first: T, second: T) -> Self {
+        let [a, b] = pair;
+        Self {
+            coefficients: core::array::from_fn(|k| {
+                a.coefficients[k] * first + b.coefficients[k] * second
+            }),
+            singular_values: a.singular_values,
+        }
+    }
+
     fn from_null_space(null: &NullSpace<T, 6>) -> Self {
-        let v = &null.vectors[0];
+        Self::from_vector(&null.vectors[0], null.singular_values)
+    }
+
+    fn from_vector(v: &Vector6<T>, singular_values: [T; 2]) -> Self {
         Self {
             coefficients: [
                 Complex::new(v[0], -v[1]),
                 Complex::new(v[2], -v[3]),
                 Complex::new(v[4], -v[5]),
             ],
-            singular_values: null.singular_values,
+            singular_values,
         }
     }
 

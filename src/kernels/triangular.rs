@@ -156,13 +156,17 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             let cosine = next.vectors[0].dot(&result.vectors[0]);
             let moved = (next.vectors[0] - result.vectors[0] * cosine).norm_squared();
             result = next;
-            if moved <= T::eps() * T::eps() * T::lit(16.0) {
+            if moved <= T::eps() * T::lit(STANDS_STILL) {
                 break;
             }
         }
         result
     }
 }
+
+/// Squared movement, in units of rounding, of a vector that stands still. The next step would move
+/// it by the square of the ratio of singular values less: far below any noise that is there.
+const STANDS_STILL: f64 = 1e-4;
 
 /// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
 /// which any member is as good as another.
@@ -213,7 +217,17 @@ fn forward_substitute<T: Real, const N: usize>(
 
 #[inline]
 fn scale_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
-    // Two steps, lest the square of a huge entry overflow in single precision.
+    let square = vector.norm_squared();
+    if square.is_finite() && square > T::zero() {
+        *vector *= T::one() / square.sqrt();
+    } else {
+        scale_extreme_to_unit(vector);
+    }
+}
+
+/// For vectors whose squares overflow or vanish: a null space of several dimensions in `f32`.
+#[cold]
+fn scale_extreme_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
     let largest = vector
         .iter()
         .fold(T::zero(), |largest, value| largest.max(value.abs()));
@@ -228,11 +242,14 @@ fn scale_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
 fn orthonormalize<T: Real, const N: usize>(first: &mut SVector<T, N>, second: &mut SVector<T, N>) {
     scale_to_unit(first);
     scale_to_unit(second);
-    // Twice is enough: the two may be almost parallel.
+    // Twice is enough, and once when little was taken away.
     for _ in 0..2 {
         let overlap = first.dot(second);
         *second -= *first * overlap;
         scale_to_unit(second);
+        if overlap * overlap < T::lit(0.5) {
+            break;
+        }
     }
 }
 

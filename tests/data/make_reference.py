@@ -90,7 +90,7 @@ def sight(poses: Array, landmarks: Array) -> Array:
 
 
 def scene(rng: np.random.Generator, kind: str, m: int, n: int) -> tuple[Array, Array]:
-    """Poses (m, 3), landmarks (n, 2): mixed in a room of 7 m x 5 m, or robots ringed by landmarks."""
+    """Poses (m, 3), landmarks (n, 2): mixed in a 7 m x 5 m room, or robots ringed by them."""
     points: list[Array] = []
     while len(points) < m + n:
         if kind == "mixed":
@@ -139,9 +139,7 @@ def calibrated_tensor(vector: Array) -> Array:
     turn = (1, 1j, -1, -1j)  # e^{i k pi/2}, exact
     tensor = np.empty((2, 2, 2))
     for i, j, k in np.ndindex(2, 2, 2):
-        tensor[i, j, k] = (
-            a * turn[(i + j - k) % 4] + b * turn[(i - j + k) % 4] + c * turn[(-i + j + k) % 4]
-        ).real
+        tensor[i, j, k] = (a * turn[(i + j - k) % 4] + b * turn[(i - j + k) % 4] + c * turn[(-i + j + k) % 4]).real
     return tensor
 
 
@@ -226,9 +224,7 @@ def polish(poses: Array, vector: Array) -> Array:
         image: Array = factor * np.column_stack([abc.real, -abc.imag]).ravel()
         return image
 
-    x = np.array(
-        [math.atan2(poses[1, 1], poses[1, 0]), *poses[2, :2], poses[1, 2], poses[2, 2], 1.0]
-    )
+    x = np.array([math.atan2(poses[1, 1], poses[1, 0]), *poses[2, :2], poses[1, 2], poses[2, 2], 1.0])
     x[5] = vector @ tensor_of(x) / (tensor_of(x) @ tensor_of(x))
     for _ in range(8):
         steps = 1e-6 * np.eye(6)
@@ -236,9 +232,7 @@ def polish(poses: Array, vector: Array) -> Array:
         x = x - np.linalg.solve(slope, tensor_of(x) - vector)
     if np.abs(tensor_of(x) - vector).max() > 2e-15:
         raise UnsuitableError("Newton did not settle")
-    polished = np.array(
-        [[0.0, 0.0, 0.0], [math.cos(x[0]), math.sin(x[0]), x[3]], [x[1], x[2], x[4]]]
-    )
+    polished = np.array([[0.0, 0.0, 0.0], [math.cos(x[0]), math.sin(x[0]), x[3]], [x[1], x[2], x[4]]])
     polished[:, 2] = wrap(polished[:, 2])
     if np.abs(polished - poses).max() > 1e-6:
         raise UnsuitableError("Newton went elsewhere")
@@ -350,9 +344,7 @@ def optimum(x: Array, bearings: Array) -> Array:
         max_nfev=300,
     ).x
     for _ in range(10):
-        step = np.linalg.lstsq(jacobian(found, bearings), -residuals(found, bearings), rcond=1e-9)[
-            0
-        ]
+        step = np.linalg.lstsq(jacobian(found, bearings), -residuals(found, bearings), rcond=1e-9)[0]
         if cost_of(found + step, bearings) < cost_of(found, bearings):
             found = found + step
     return found
@@ -476,10 +468,7 @@ def jacobian_records(rng: np.random.Generator) -> Iterator[Record]:
         x = np.concatenate([poses.ravel(), landmarks.ravel()])
         bearings = sight(poses, landmarks)
         differences = np.column_stack(
-            [
-                wrap(residuals(x + s, bearings) - residuals(x - s, bearings)) / 2e-6
-                for s in 1e-6 * np.eye(x.size)
-            ]
+            [wrap(residuals(x + s, bearings) - residuals(x - s, bearings)) / 2e-6 for s in 1e-6 * np.eye(x.size)]
         )
         assert np.abs(matrix - differences).max() < 1e-7  # rounding 1e-16 / 1e-6, truncation 1e-12
         yield {
@@ -501,9 +490,7 @@ def resection_records(rng: np.random.Generator) -> Iterator[Record]:
             # Rows of the linear resection, unknowns (cos, sin, t1, t2).
             u, v = np.cos(sight(poses, landmarks)[0]), np.sin(sight(poses, landmarks)[0])
             x, y = landmarks.T
-            spectrum = np.linalg.svd(
-                np.column_stack([u * y - v * x, u * x + v * y, -v, u]), compute_uv=False
-            )
+            spectrum = np.linalg.svd(np.column_stack([u * y - v * x, u * x + v * y, -v, u]), compute_uv=False)
             if spectrum[2] > 0.03 * spectrum[0]:
                 break
         yield {
@@ -529,9 +516,7 @@ def triangulation_records(rng: np.random.Generator) -> Iterator[Record]:
             bearings = sight(poses, landmarks)
             bearings[rng.random((m, n)) < missing] = np.nan
             rays = bearings + poses[:, 2:]
-            apart = np.abs(
-                np.sin(rays[:, None, :] - rays[None, :, :])
-            )  # sine of the parallax of every pair
+            apart = np.abs(np.sin(rays[:, None, :] - rays[None, :, :]))  # sine of the parallax of every pair
             if np.nan_to_num(apart).max(axis=(0, 1)).min() > 0.2:
                 break
         yield {
@@ -719,12 +704,8 @@ def build() -> dict[str, list[Record]]:
     ]
     small = np.random.default_rng(20020511)
     return {
-        "three_view": [
-            first_suitable(k, partial(three_view_record, *a)) for k, a in enumerate(three)
-        ],
-        "many_view": [
-            first_suitable(100 + k, partial(many_view_record, *a)) for k, a in enumerate(many)
-        ],
+        "three_view": [first_suitable(k, partial(three_view_record, *a)) for k, a in enumerate(three)],
+        "many_view": [first_suitable(100 + k, partial(many_view_record, *a)) for k, a in enumerate(many)],
         "jacobian": [*jacobian_records(small)],
         "resection": [*resection_records(small)],
         "triangulation": [*triangulation_records(small)],
@@ -777,9 +758,7 @@ def main() -> int:
     args = parser.parse_args()
     sections = build()
     for record in sections["counting"]:
-        verdict = (
-            "" if record["extra"] == record["expected"] else f"  expected {record['expected']}"
-        )
+        verdict = "" if record["extra"] == record["expected"] else f"  expected {record['expected']}"
         print(f"{record['name']} ({record['m']}x{record['n']}): {record['extra']} extra{verdict}")
     text = to_text(sections)
     if not args.check:

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The command `bearslam`."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import math
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from bearslam._core import __version__
+from bearslam.errors import BearslamError, InvalidInputError
+from bearslam.files import MAPS, kind, load, save, save_truth
+from bearslam.problem import Problem
+from bearslam.progress import ProgressLine
+from bearslam.report import describe, listing
+from bearslam.sightings_file import render
+from bearslam.simulate import LAYOUTS, simulate
+from bearslam.solve import METHODS, solve
+
+__all__ = ["main"]
+
+EXAMPLES = """\
+examples:
+  bearslam demo
+  bearslam simulate mixed 4 9 --noise-deg 2 -o scene.csv
+  bearslam solve scene.csv -o map.json --plot map.png
+  bearslam simulate enclosed 4 9 | bearslam solve -
+"""
+
+SOLVE = """\
+Poses and landmarks from a file of bearings: CSV with a header that names the columns view, landmark, bearing [radians]
+or bearing_deg and, if need be, sigma [radians] or sigma_deg, in any order. Views and landmarks go by any names. Lines
+that start with # are comments.
+"""
+
+TUNING = {
+    "method": (None, "how to find a start"),
+    "triples": ("N", "triples of views to try"),
+    "candidates": ("N", "starts to refine"),
+    "max_iterations": ("N", "steps of one refinement at most"),
+    "damping": ("X", "first damping; 0 is Gauss-Newton"),
+    "tolerance": ("X", "relative fall of the cost that ends a refinement"),
+    "seed": ("N", "of the choice of triples"),
+}
+"""Options of `solve` that are options of the command as well: placeholder and help."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"bearslam: error: {message} (try {self.prog} --help)\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0, 1 after an error, 2 for wrong usage."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever reads has read enough. Python would complain once more when it closes the stream.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return _complain("interrupted", 130)
+    except OSError as error:
+        where = "" if error.filename is None else f"{error.filename}: "
+        return _complain(f"error: {where}{error.strerror or error}")
+    except (BearslamError, ImportError) as error:
+        return _complain(f"error: {error}")
+    return 0
+
+
+def _complain(message: str, code: int = 1) -> int:
+    line = " ".join(message.split())
+    print(f"bearslam: {line}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="bearslam",
+        description="Planar structure and motion from bearings alone.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"bearslam {__version__}")
+    verbs = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
+    _add_solve(verbs)
+    _add_simulate(verbs)
+    _add_demo(verbs)
+    return parser
+
+
+def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    verb = verbs.add_parser(
+        "solve",
+        help="poses and landmarks from a file of bearings",
+        description=SOLVE,
+        epilog="example:\n  bearslam solve bearings.csv -o map.json --plot map.png\n",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verb.add_argument("file", metavar="FILE", help="CSV file of bearings; - is standard input")
+    verb.add_argument("-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv")
+    verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
+    verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
+    defaults = inspect.signature(solve).parameters
+    for name, (metavar, text) in TUNING.items():
+        default = defaults[name].default
+        verb.add_argument(
+            f"--{name.replace('_', '-')}",
+            choices=METHODS if name == "method" else None,
+            type=type(default),
+            metavar=metavar,
+            default=default,
+            help=f"{text} (default: %(default)s)",
+        )
+    verb.set_defaults(run=_solve)
+
+
+def _add_simulate(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    verb = verbs.add_parser(
+        "simulate",
+        help="bearings with known truth",
+        description="Bearings of a scene drawn at random, as CSV.",
+        epilog="example:\n  bearslam simulate mixed 4 9 --noise-deg 2 -o scene.csv --truth truth.json\n",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    verb.add_argument("layout", choices=LAYOUTS, help="where views and landmarks are")
+    verb.add_argument("views", type=int, help="how many views")
+    verb.add_argument("landmarks", type=int, help="how many landmarks")
+    verb.add_argument("--noise-deg", type=float, default=1.0, metavar="DEG", help="of bearings (default: %(default)s)")
+    verb.add_argument("--seed", type=int, default=0, metavar="N", help="of the draw (default: %(default)s)")
+    verb.add_argument("--width", type=float, default=7.0, metavar="M", help="of the arena (default: %(default)s)")
+    verb.add_argument("--height", type=float, default=5.0, metavar="M", help="of the arena (default: %(default)s)")
+    verb.add_argument("--sight", type=float, default=math.inf, metavar="M", help="how far views see (default: all)")
+    verb.add_argument("-o", "--output", metavar="OUT.csv", help="where to (default: standard output)")
+    verb.add_argument("--truth", metavar="OUT", help="write the true poses and landmarks: .json or .csv")
+    verb.set_defaults(run=_simulate)
+
+
+def _add_demo(verbs: argparse._SubParsersAction[_Parser]) -> None:
+    verb = verbs.add_parser(
+        "demo",
+        help="the paper's two robot experiments, with pictures",
+        description="Simulate the two robot experiments of Dellaert and Stroupe, solve and draw them.",
+    )
+    verb.add_argument("-o", "--output", metavar="DIR", default="demo", help="folder (default: %(default)s)")
+    verb.set_defaults(run=_demo)
+
+
+def _solve(options: argparse.Namespace) -> None:
+    _writable(options.output, MAPS)
+    if options.plot is not None:
+        from bearslam.plot import FORMATS, draw_to_file
+
+        _writable(options.plot, FORMATS)
+    problem = load(sys.stdin.buffer if options.file == "-" else options.file)
+    with ProgressLine() as progress:
+        result = solve(
+            problem,
+            sigma=1.0 if options.sigma_deg is None else _sigma(problem, options.sigma_deg),
+            progress=progress,
+            **{name: getattr(options, name) for name in TUNING},
+        )
+    if options.output is not None:
+        result.save(options.output)
+    if options.plot is not None:
+        draw_to_file(result, options.plot)
+    print(describe(result))
+    if options.output is None:
+        print("", listing(result), sep="\n")
+    if not result.converged:
+        _complain(f"warning: not converged ({result.termination.replace('_', ' ')})")
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    _writable(options.output, (".csv",))
+    _writable(options.truth, MAPS)
+    scene = simulate(
+        options.layout,
+        options.views,
+        options.landmarks,
+        noise=math.radians(options.noise_deg),
+        seed=options.seed,
+        width=options.width,
+        height=options.height,
+        sight=options.sight,
+    )
+    if options.truth is not None:
+        save_truth(scene, options.truth)
+    if options.output is None:
+        sys.stdout.write(render(scene.bearings))
+    else:
+        save(scene.bearings, options.output)
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from bearslam.demo import run
+
+    for paragraph in run(options.output):
+        print(paragraph, end="\n\n", flush=True)
+
+
+def _sigma(problem: Problem, sigma_deg: float) -> float:
+    if problem.sightings.sigma is not None:
+        raise InvalidInputError("--sigma-deg: the file has standard deviations of its own; give only one")
+    if not 0 < sigma_deg < math.inf:
+        raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {sigma_deg:g}")
+    return math.radians(sigma_deg)
+
+
+def _writable(path: str | None, suffixes: Sequence[str]) -> None:
+    # Before the work rather than after it.
+    if path is not None:
+        kind(path, suffixes)
+        if not Path(path).parent.is_dir():
+            raise InvalidInputError(f"{path}: there is no folder {str(Path(path).parent)!r}")

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""A line that tells how far long work has come, on a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import Self, TextIO
+
+__all__ = ["ProgressLine"]
+
+
+class ProgressLine:
+    """Progress of work as one line that is written over, once it has gone on for longer than `patience` [s].
+
+    Nothing is written where the stream is not a terminal.
+    """
+
+    def __init__(self, stream: TextIO | None = None, patience: float = 1.0) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._on = self._stream.isatty()
+        self._due = time.monotonic() + patience
+        self._width = 0
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        """Show that so many steps of a stage are done."""
+        now = time.monotonic()
+        if not self._on or now < self._due:
+            return
+        self._due = now + 0.1
+        line = f"{stage} {done}/{total}"
+        self._stream.write("\r" + line.ljust(self._width))
+        self._stream.flush()
+        self._width = len(line)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._width:
+            self._stream.write("\r" + " " * self._width + "\r")
+            self._stream.flush()

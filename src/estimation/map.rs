@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Poses and landmarks, some of which may be undetermined.
+
+use super::problem::Problem;
+use crate::geometry::{Pose, signed_angle, transform_pose};
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::fmt;
+use nalgebra::{Point2, Similarity2, UnitComplex};
+
+/// Poses and landmarks; `None` where they are not determined.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map<T: Real> {
+    /// The pose of each view.
+    pub poses: Vec<Option<Pose<T>>>,
+    /// The position of each landmark.
+    pub landmarks: Vec<Option<Point2<T>>>,
+}
+
+/// A view or a landmark, by index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Subject {
+    /// A view.
+    View(usize),
+    /// A landmark.
+    Landmark(usize),
+}
+
+/// Why a view or landmark has no estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Why {
+    /// It has fewer sightings than determine it: three for a view, two for a landmark.
+    TooFewSightings {
+        /// How many there are.
+        got: usize,
+        /// How many it takes.
+        needed: usize,
+    },
+    /// Enough sightings, but too few of them connect it with the part of the map that is determined.
+    NotConnected {
+        /// How many connect it.
+        got: usize,
+        /// How many it takes.
+        needed: usize,
+    },
+    /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
+    Degenerate,
+}
+
+/// A view or landmark without an estimate, and why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Undetermined {
+    /// Which.
+    pub subject: Subject,
+    /// Why.
+    pub why: Why,
+}
+
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooFewSightings { got, needed } => {
+                write!(f, "has {got} sightings, needs {needed}")
+            }
+            Self::NotConnected { got, needed } => write!(
+                f,
+                "has {got} sightings to the determined part of the map, needs {needed}"
+            ),
+            Self::Degenerate => write!(f, "its sightings do not fix it"),
+        }
+    }
+}
+
+/// Fewest landmarks that fix a view, and fewest views that fix a landmark.
+pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
+pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
+
+impl<T: Real> Map<T> {
+    /// A map with nothing in it.
+    pub fn empty(views: usize, landmarks: usize) -> Self {
+        Self {
+            poses: vec![None; views],
+            landmarks: vec![None; landmarks],
+        }
+    }
+
+    /// Whether every pose and landmark has an estimate.
+    pub fn is_complete(&self) -> bool {
+        self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
+    }
+
+    /// The bearing residual, predicted minus measured in (-pi, pi], of each sighting of a problem, in
+    /// the order of [`Problem::sightings`]; `None` where an end is undetermined.
+    pub fn residuals<'a>(
+        &'a self,
+        problem: &'a Problem<T>,
+    ) -> impl Iterator<Item = Option<T>> + 'a {
+        problem.sightings().iter().map(|s| {
+            let pose = self.poses[s.view]?;
+            let seen = pose.inverse_transform_point(&self.landmarks[s.landmark]?);
+            let turned = s.bearing.inverse_transform_vector(&seen.coords);
+            Some(signed_angle(turned.x, turned.y))
+        })
+    }
+
+    /// Moves the map by a similarity.
+    pub fn transformed(&self, similarity: &Similarity2<T>) -> Self {
+        Self {
+            poses: self
+                .poses
+                .iter()
+                .map(|pose| pose.map(|pose| transform_pose(similarity, &pose)))
+                .collect(),
+            landmarks: self
+                .landmarks
+                .iter()
+                .map(|point| point.map(|point| similarity.transform_point(&point)))
+                .collect(),
+        }
+    }
+
+    /// The same map in the gauge of this crate: the first determined view at the origin with heading
+    /// 0, and a root-mean-square distance of 1 of the other views from it.
+    ///
+    /// Left as it is when all views are in one place.
+    pub fn normalized(&self) -> Self {
+        let mut views = self.poses.iter().flatten();
+        let Some(first) = views.next() else {
+            return self.clone();
+        };
+        let (mut sum, mut count) = (T::zero(), T::zero());
+        for pose in views {
+            sum += (pose.translation.vector - first.translation.vector).norm_squared();
+            count += T::one();
+        }
+        if !(sum > T::zero()) {
+            return self.clone();
+        }
+        let similarity = Similarity2::from_isometry(first.inverse(), T::one());
+        let scaled = similarity.append_scaling((count / sum).sqrt());
+        let mut map = self.transformed(&scaled);
+        // The first view exactly, and unit rotations again.
+        for (k, pose) in map.poses.iter_mut().flatten().enumerate() {
+            if k == 0 {
+                *pose = Pose::identity();
+            } else {
+                pose.rotation = UnitComplex::from_complex(pose.rotation.into_inner());
+            }
+        }
+        map
+    }
+
+    /// Drops views and landmarks that what is left cannot fix, and lists all that have no estimate,
+    /// with the reason.
+    pub(crate) fn prune(&mut self, problem: &Problem<T>) -> Vec<Undetermined> {
+        loop {
+            let mut dropped = false;
+            for view in 0..self.poses.len() {
+                if self.poses[view].is_some()
+                    && self.connections_of_view(problem, view) < MIN_LANDMARKS_OF_VIEW
+                {
+                    self.poses[view] = None;
+                    dropped = true;
+                }
+            }
+            for landmark in 0..self.landmarks.len() {
+                if self.landmarks[landmark].is_some()
+                    && self.connections_of_landmark(problem, landmark) < MIN_VIEWS_OF_LANDMARK
+                {
+                    self.landmarks[landmark] = None;
+                    dropped = true;
+                }
+            }
+            if !dropped {
+                break;
+            }
+        }
+        let views = (0..self.poses.len())
+            .filter(|&view| self.poses[view].is_none())
+            .map(|view| {
+                (
+                    Subject::View(view),
+                    problem.of_view(view).len(),
+                    self.connections_of_view(problem, view),
+                    MIN_LANDMARKS_OF_VIEW,
+                )
+            });
+        let landmarks = (0..self.landmarks.len())
+            .filter(|&landmark| self.landmarks[landmark].is_none())
+            .map(|landmark| {
+                (
+                    Subject::Landmark(landmark),
+                    problem.of_landmark(landmark).len(),
+                    self.connections_of_landmark(problem, landmark),
+                    MIN_VIEWS_OF_LANDMARK,
+                )
+            });
+        views
+            .chain(landmarks)
+            .map(|(subject, all, connected, needed)| Undetermined {
+                subject,
+                why: if all < needed {
+                    Why::TooFewSightings { got: all, needed }
+                } else if connected < needed {
+                    Why::NotConnected {
+                        got: connected,
+                        needed,
+                    }
+                } else {
+                    Why::Degenerate
+                },
+            })
+            .collect()
+    }
+
+    /// How many determined landmarks a view sees.
+    pub(crate) fn connections_of_view(&self, problem: &Problem<T>, view: usize) -> usize {
+        problem
+            .of_view(view)
+            .iter()
+            .filter(|s| self.landmarks[s.landmark].is_some())
+            .count()
+    }
+
+    /// How many determined views see a landmark.
+    pub(crate) fn connections_of_landmark(&self, problem: &Problem<T>, landmark: usize) -> usize {
+        problem
+            .of_landmark(landmark)
+            .iter()
+            .filter(|&&k| self.poses[problem.sightings()[k].view].is_some())
+            .count()
+    }
+}

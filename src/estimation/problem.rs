@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Who sees what, at which bearing.
+
+use crate::error::Error;
+use crate::geometry::Bearing;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::Range;
+
+/// One bearing from a view to a landmark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting<T: Real> {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the landmark.
+    pub landmark: usize,
+    /// Angle from the heading of the view, counter-clockwise \[rad\].
+    pub bearing: T,
+    /// Standard deviation of the bearing \[rad\]; 1 where only the relative weight matters.
+    pub sigma: T,
+}
+
+/// A sighting as the problem keeps it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen<T: Real> {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the landmark.
+    pub landmark: usize,
+    /// The bearing as a unit vector.
+    pub bearing: Bearing<T>,
+    /// One over the standard deviation.
+    pub weight: T,
+}
+
+/// All sightings, checked once and sorted by view and then landmark.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem<T: Real> {
+    landmarks: usize,
+    sightings: Vec<Seen<T>>,
+    /// Where each view begins in `sightings`, and the end.
+    view_start: Vec<usize>,
+    /// Indices into `sightings`, landmark by landmark.
+    by_landmark: Vec<usize>,
+    landmark_start: Vec<usize>,
+    /// For each sighting, its index in the input.
+    input: Vec<usize>,
+}
+
+impl<T: Real> Problem<T> {
+    /// A problem from a list of sightings, in any order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`] and
+    /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
+    /// twice.
+    pub fn new(views: usize, landmarks: usize, sightings: &[Sighting<T>]) -> Result<Self, Error> {
+        for (index, s) in sightings.iter().enumerate() {
+            for (what, value, bound) in
+                [("view", s.view, views), ("landmark", s.landmark, landmarks)]
+            {
+                if value >= bound {
+                    return Err(Error::OutOfRange {
+                        what,
+                        index,
+                        value,
+                        bound,
+                    });
+                }
+            }
+            for (what, value) in [("bearing", s.bearing), ("sigma", s.sigma)] {
+                if !value.is_finite() {
+                    return Err(Error::NotFinite { what, index });
+                }
+            }
+            if s.sigma <= T::zero() {
+                return Err(Error::NotPositive {
+                    what: "sigma",
+                    index,
+                    value: s.sigma.as_f64(),
+                });
+            }
+        }
+        let mut input: Vec<usize> = (0..sightings.len()).collect();
+        input.sort_by_key(|&k| (sightings[k].view, sightings[k].landmark));
+        for pair in input.windows(2) {
+            let (a, b) = (&sightings[pair[0]], &sightings[pair[1]]);
+            if (a.view, a.landmark) == (b.view, b.landmark) {
+                return Err(Error::Duplicate {
+                    view: a.view,
+                    landmark: a.landmark,
+                    first: pair[0],
+                    second: pair[1],
+                });
+            }
+        }
+        let seen = input
+            .iter()
+            .map(|&k| {
+                let s = &sightings[k];
+                Seen {
+                    view: s.view,
+                    landmark: s.landmark,
+                    bearing: Bearing::new(s.bearing),
+                    weight: T::one() / s.sigma,
+                }
+            })
+            .collect();
+        Ok(Self::index(views, landmarks, seen, input))
+    }
+
+    /// A problem from a `views x landmarks` table of bearings \[rad\], row by row; NaN where a view
+    /// did not see a landmark. All with the same standard deviation.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
+    /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
+    pub fn dense(views: usize, landmarks: usize, bearings: &[T], sigma: T) -> Result<Self, Error> {
+        if bearings.len() != views * landmarks {
+            return Err(Error::LengthMismatch {
+                what: "bearings",
+                expected: views * landmarks,
+                got: bearings.len(),
+            });
+        }
+        let sightings: Vec<_> = bearings
+            .iter()
+            .enumerate()
+            .filter(|(_, bearing)| !is_nan(**bearing))
+            .map(|(k, &bearing)| Sighting {
+                view: k / landmarks,
+                landmark: k % landmarks,
+                bearing,
+                sigma,
+            })
+            .collect();
+        Self::new(views, landmarks, &sightings)
+    }
+
+    /// Builds the index over sightings that are sorted by view and landmark.
+    fn index(views: usize, landmarks: usize, sightings: Vec<Seen<T>>, input: Vec<usize>) -> Self {
+        let mut view_start = vec![0; views + 1];
+        let mut landmark_start = vec![0; landmarks + 1];
+        for s in &sightings {
+            view_start[s.view + 1] += 1;
+            landmark_start[s.landmark + 1] += 1;
+        }
+        for starts in [&mut view_start, &mut landmark_start] {
+            for k in 1..starts.len() {
+                starts[k] += starts[k - 1];
+            }
+        }
+        let mut next = landmark_start.clone();
+        let mut by_landmark = vec![0; sightings.len()];
+        for (k, s) in sightings.iter().enumerate() {
+            by_landmark[next[s.landmark]] = k;
+            next[s.landmark] += 1;
+        }
+        Self {
+            landmarks,
+            sightings,
+            view_start,
+            by_landmark,
+            landmark_start,
+            input,
+        }
+    }
+
+    /// Number of views.
+    pub fn views(&self) -> usize {
+        self.view_start.len() - 1
+    }
+
+    /// Number of landmarks.
+    pub fn landmarks(&self) -> usize {
+        self.landmarks
+    }
+
+    /// All sightings, sorted by view and then landmark.
+    pub fn sightings(&self) -> &[Seen<T>] {
+        &self.sightings
+    }
+
+    /// For each sighting its index in the list or table the problem was made from; in a table the
+    /// places that are NaN do not count.
+    pub fn input_order(&self) -> &[usize] {
+        &self.input
+    }
+
+    /// What a view sees.
+    pub fn of_view(&self, view: usize) -> &[Seen<T>] {
+        &self.sightings[self.range_of_view(view)]
+    }
+
+    /// The range of [`Problem::sightings`] that belongs to a view.
+    pub(super) fn range_of_view(&self, view: usize) -> Range<usize> {
+        self.view_start[view]..self.view_start[view + 1]
+    }
+
+    /// The sightings of a landmark, by index into [`Problem::sightings`].
+    pub fn of_landmark(&self, landmark: usize) -> &[usize] {
+        &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
+    }
+
+    /// The part of the problem between the views and landmarks that are kept, numbered anew in
+    /// their order. Input indices refer to the sightings of this problem.
+    pub(super) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
+        let number = |keep: &[bool]| {
+            let mut next = 0;
+            let numbers: Vec<usize> = keep
+                .iter()
+                .map(|&k| {
+                    next += usize::from(k);
+                    next - usize::from(k)
+                })
+                .collect();
+            (numbers, next)
+        };
+        let (view_number, views) = number(keep_view);
+        let (landmark_number, landmarks) = number(keep_landmark);
+        let mut sightings = Vec::with_capacity(self.sightings.len());
+        let mut input = Vec::with_capacity(self.sightings.len());
+        for (k, s) in self.sightings.iter().enumerate() {
+            if keep_view[s.view] && keep_landmark[s.landmark] {
+                sightings.push(Seen {
+                    view: view_number[s.view],
+                    landmark: landmark_number[s.landmark],
+                    ..*s
+                });
+                input.push(k);
+            }
+        }
+        Self::index(views, landmarks, sightings, input)
+    }
+}
+
+#[inline]
+pub(super) fn is_nan<T: Real>(value: T) -> bool {
+    value.partial_cmp(&value).is_none()
+}

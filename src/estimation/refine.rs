@@ -1,0 +1,446 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Levenberg-Marquardt over all poses and landmarks.
+
+use super::bundle::{Bundle, Row};
+use super::map::{Map, Undetermined};
+use super::problem::Problem;
+use super::schur::{Grouped, Schur, Slot};
+use crate::error::Error;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{SVector, Vector2, Vector3};
+
+/// Options of the refinement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefineOptions<T: Real> {
+    /// Most linear systems to solve.
+    pub max_iterations: usize,
+    /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
+    /// steps, ending when one does not lower the cost.
+    pub damping: T,
+    /// Ends when a step lowers the cost by less than this part of it.
+    pub tolerance: T,
+}
+
+impl<T: Real> Default for RefineOptions<T> {
+    fn default() -> Self {
+        Self {
+            max_iterations: 100,
+            damping: T::lit(1e-4),
+            tolerance: T::lit(1e-10).max(T::eps()),
+        }
+    }
+}
+
+/// How a refinement ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Termination {
+    /// No refinement was asked for.
+    NotRefined,
+    /// The last step lowered the cost by less than the tolerance.
+    Converged,
+    /// The residuals are zero up to rounding.
+    ZeroResidual,
+    /// No step lowers the cost, however much it is damped.
+    NoProgress,
+    /// The iterations ran out.
+    MaxIterations,
+    /// The normal equations are singular beyond the gauge and damping is zero.
+    Singular,
+}
+
+impl Termination {
+    /// Whether the result is a minimum.
+    pub fn was_successful(self) -> bool {
+        matches!(
+            self,
+            Self::Converged | Self::ZeroResidual | Self::NoProgress
+        )
+    }
+
+    /// The name of the variant in lower case with underscores.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotRefined => "not_refined",
+            Self::Converged => "converged",
+            Self::ZeroResidual => "zero_residual",
+            Self::NoProgress => "no_progress",
+            Self::MaxIterations => "max_iterations",
+            Self::Singular => "singular",
+        }
+    }
+}
+
+/// What a refinement did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report<T: Real> {
+    /// Half the sum of squared residuals over sigma.
+    pub cost: T,
+    /// How it ended.
+    pub termination: Termination,
+    /// Linear systems solved.
+    pub iterations: usize,
+    /// Views and landmarks that had no start or too few sightings, and why.
+    pub undetermined: Vec<Undetermined>,
+}
+
+/// Called once per iteration with the number of iterations and the cost; `false` stops the work.
+pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
+
+/// Largest system that is solved densely: 16384 parameters, two gigabytes.
+const MAX_DENSE: usize = 1 << 14;
+
+/// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
+///
+/// Views and landmarks without a value are left out, as are those that the rest does not fix; they
+/// are listed in the report. The gauge does not matter: the result is in that of the start, up to
+/// rounding (use [`Map::normalized`]).
+///
+/// # Errors
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
+/// three sightings are left, [`Error::NotFinite`] when the start is not finite, [`Error::TooLarge`]
+/// when the reduced system exceeds 16384 unknowns, [`Error::Interrupted`] when `watch` says so.
+///
+/// # Reference
+/// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
+/// non-linear least squares problems", 2004, section 3.2.
+pub fn refine_map<T: Real>(
+    problem: &Problem<T>,
+    map: &mut Map<T>,
+    options: &RefineOptions<T>,
+    watch: Option<Watch<'_>>,
+) -> Result<Report<T>, Error> {
+    for (what, expected, got) in [
+        ("poses", problem.views(), map.poses.len()),
+        ("landmarks", problem.landmarks(), map.landmarks.len()),
+    ] {
+        if expected != got {
+            return Err(Error::LengthMismatch {
+                what,
+                expected,
+                got,
+            });
+        }
+    }
+    let undetermined = map.prune(problem);
+    let mut bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return Err(Error::TooFew {
+            what: "views of the start that see three landmarks of it",
+            needed: 1,
+            got: 0,
+        });
+    }
+    let restricted;
+    let active = if undetermined.is_empty() {
+        problem
+    } else {
+        restricted = restrict(problem, map);
+        &restricted
+    };
+    let (cost, termination, iterations) = if keeps_landmarks(active) {
+        minimize::<T, 3, 2>(&mut bundle, active, options, watch)?
+    } else {
+        minimize::<T, 2, 3>(&mut bundle, active, options, watch)?
+    };
+    bundle.write_to(map);
+    Ok(Report {
+        cost,
+        termination,
+        iterations,
+        undetermined,
+    })
+}
+
+/// The problem between what a map determines.
+fn restrict<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Problem<T> {
+    let views: Vec<bool> = map.poses.iter().map(Option::is_some).collect();
+    let landmarks: Vec<bool> = map.landmarks.iter().map(Option::is_some).collect();
+    problem.restrict(&views, &landmarks)
+}
+
+/// Whether eliminating the poses leaves the smaller system.
+fn keeps_landmarks<T: Real>(problem: &Problem<T>) -> bool {
+    2 * problem.landmarks() <= 3 * problem.views()
+}
+
+/// All sightings linearised, to be grouped by either end.
+struct Linearized<'a, T: Real> {
+    problem: &'a Problem<T>,
+    rows: &'a [Row<T>],
+}
+
+/// Grouped by view: poses go, landmarks stay.
+impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
+    fn groups(&self) -> usize {
+        self.problem.views()
+    }
+
+    fn kept(&self) -> usize {
+        self.problem.landmarks()
+    }
+
+    #[inline]
+    fn group(&self, view: usize) -> impl Iterator<Item = Slot<T, 3, 2>> {
+        let range = self.problem.range_of_view(view);
+        self.problem.sightings()[range.clone()]
+            .iter()
+            .zip(&self.rows[range])
+            .map(|(s, row)| Slot {
+                kept: s.landmark,
+                gone: row.pose(),
+                stay: row.landmark(),
+                residual: row.residual,
+            })
+    }
+}
+
+/// Grouped by landmark: landmarks go, poses stay.
+impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
+    fn groups(&self) -> usize {
+        self.problem.landmarks()
+    }
+
+    fn kept(&self) -> usize {
+        self.problem.views()
+    }
+
+    #[inline]
+    fn group(&self, landmark: usize) -> impl Iterator<Item = Slot<T, 2, 3>> {
+        self.problem.of_landmark(landmark).iter().map(|&k| Slot {
+            kept: self.problem.sightings()[k].view,
+            gone: self.rows[k].landmark(),
+            stay: self.rows[k].pose(),
+            residual: self.rows[k].residual,
+        })
+    }
+}
+
+/// The directions of translation, rotation and scaling of the blocks that stay, orthonormal.
+fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vec<T>> {
+    let points: Vec<Vector2<T>> = if K == 2 {
+        bundle.landmarks.iter().map(|p| p.coords).collect()
+    } else {
+        bundle.poses.iter().map(|p| p.translation.vector).collect()
+    };
+    let centre =
+        points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(points.len() as f64);
+    let mut directions = vec![Vec::with_capacity(points.len() * K); 4];
+    for point in &points {
+        let p = point - centre;
+        let (one, zero) = (T::one(), T::zero());
+        for (direction, entry) in directions.iter_mut().zip([
+            Vector3::new(one, zero, zero),
+            Vector3::new(zero, one, zero),
+            Vector3::new(-p.y, p.x, one),
+            Vector3::new(p.x, p.y, zero),
+        ]) {
+            direction.extend_from_slice(&entry.as_slice()[..K]);
+        }
+    }
+    for direction in &mut directions {
+        let norm = direction.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
+        if norm > T::zero() {
+            for v in direction {
+                *v /= norm;
+            }
+        }
+    }
+    directions
+}
+
+/// A step, as blocks that stay and blocks that went.
+trait Step<T: Real> {
+    /// The bundle after the step.
+    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>);
+}
+
+impl<T: Real> Step<T> for (Vec<Vector2<T>>, Vec<Vector3<T>>) {
+    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+        bundle.step(&self.1, &self.0, result);
+    }
+}
+
+impl<T: Real> Step<T> for (Vec<Vector3<T>>, Vec<Vector2<T>>) {
+    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+        bundle.step(&self.0, &self.1, result);
+    }
+}
+
+/// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept.
+///
+/// Returns cost, termination and the number of linear systems solved.
+fn minimize<T: Real, const E: usize, const K: usize>(
+    bundle: &mut Bundle<T>,
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    mut watch: Option<Watch<'_>>,
+) -> Result<(T, Termination, usize), Error>
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
+{
+    if K * kept::<T, E, K>(problem) > MAX_DENSE {
+        return Err(Error::TooLarge {
+            what: "unknowns of the reduced system",
+            bound: MAX_DENSE,
+            got: K * kept::<T, E, K>(problem),
+        });
+    }
+    let mut rows = Vec::with_capacity(problem.sightings().len());
+    let mut trial_rows = Vec::with_capacity(problem.sightings().len());
+    let mut trial = bundle.clone();
+    let mut schur = Schur::<T, E, K>::new();
+    let mut step = (Vec::new(), Vec::new());
+    let mut cost = bundle.linearize(problem, &mut rows);
+    if !cost.is_finite() {
+        return Err(Error::NotFinite {
+            what: "residuals of the start",
+            index: rows
+                .iter()
+                .position(|row| !row.residual.is_finite())
+                .unwrap_or(0),
+        });
+    }
+    let rounding = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
+    let zero = rows.iter().fold(T::zero(), |sum, row| {
+        sum + (row.weight * rounding) * (row.weight * rounding)
+    }) * T::lit(0.5);
+    let mut damping = options.damping;
+    let mut iterations = 0;
+    loop {
+        if cost <= zero {
+            return Ok((cost, Termination::ZeroResidual, iterations));
+        }
+        if iterations == options.max_iterations {
+            return Ok((cost, Termination::MaxIterations, iterations));
+        }
+        if let Some(watch) = &mut watch
+            && !watch(iterations, cost.as_f64())
+        {
+            return Err(Error::Interrupted);
+        }
+        iterations += 1;
+        let linearized = Linearized {
+            problem,
+            rows: &rows,
+        };
+        let mut lower = None;
+        if schur.factorize(&linearized, damping, &gauge::<T, K>(bundle)) {
+            let predicted = cost - schur.solve(&linearized, &mut step.0, &mut step.1);
+            step.apply(bundle, &mut trial);
+            let trial_cost = trial.linearize(problem, &mut trial_rows);
+            if trial_cost < cost {
+                lower = Some((cost - trial_cost, predicted));
+                cost = trial_cost;
+                core::mem::swap(bundle, &mut trial);
+                core::mem::swap(&mut rows, &mut trial_rows);
+            } else if predicted <= options.tolerance * cost {
+                return Ok((cost, Termination::Converged, iterations));
+            }
+        } else if damping <= T::zero() {
+            return Ok((cost, Termination::Singular, iterations));
+        }
+        if let Some((gained, predicted)) = lower {
+            if gained <= options.tolerance * cost {
+                return Ok((cost, Termination::Converged, iterations));
+            }
+            let ratio = gained / predicted;
+            if ratio > T::lit(0.75) {
+                damping *= T::lit(0.1);
+            } else if ratio < T::lit(0.25) {
+                damping *= T::lit(4.0);
+            }
+        } else {
+            if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
+                return Ok((cost, Termination::NoProgress, iterations));
+            }
+            damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
+        }
+    }
+}
+
+fn kept<T: Real, const E: usize, const K: usize>(problem: &Problem<T>) -> usize
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+{
+    Linearized { problem, rows: &[] }.kept()
+}
+
+/// Damping beyond which a step is too small to be one.
+const MAX_DAMPING: f64 = 1e8;
+
+/// Residuals of this many units of rounding are zero.
+const ZERO_RESIDUAL_EPS: f64 = 8.0;
+
+/// How far the data leave a map undetermined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Weakness {
+    /// Predicted standard deviation of the map in its weakest direction over the size of the map, for
+    /// residuals of unit variance (in units of sigma); infinite when the direction is free.
+    pub spread: f64,
+    /// The eigenvalue that says so, between 0 (free) and 1.
+    pub eigenvalue: f64,
+}
+
+/// The weakest direction of a refined map.
+pub(crate) fn weakness<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Weakness {
+    let restricted;
+    let active = if map.is_complete() {
+        problem
+    } else {
+        restricted = restrict(problem, map);
+        &restricted
+    };
+    let bundle = Bundle::from_map(map);
+    if keeps_landmarks(active) {
+        weakest::<T, 3, 2>(&bundle, active)
+    } else {
+        weakest::<T, 2, 3>(&bundle, active)
+    }
+}
+
+fn weakest<T: Real, const E: usize, const K: usize>(
+    bundle: &Bundle<T>,
+    problem: &Problem<T>,
+) -> Weakness
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+{
+    let free = Weakness {
+        spread: f64::INFINITY,
+        eigenvalue: 0.0,
+    };
+    let mut rows = Vec::new();
+    bundle.linearize(problem, &mut rows);
+    let linearized = Linearized {
+        problem,
+        rows: &rows,
+    };
+    let mut schur = Schur::<T, E, K>::new();
+    let gauge = gauge::<T, K>(bundle);
+    if !schur.factorize(&linearized, T::zero(), &gauge) {
+        return free;
+    }
+    let (direction, eigenvalue) = schur.weakest_direction();
+    // Positions only: x and y of each block; the size of the map in the same coordinates.
+    let count = linearized.kept();
+    let square = (0..count).fold(T::zero(), |sum, k| {
+        sum + direction[K * k] * direction[K * k] + direction[K * k + 1] * direction[K * k + 1]
+    });
+    let points: Vec<Vector2<T>> = if K == 2 {
+        bundle.landmarks.iter().map(|p| p.coords).collect()
+    } else {
+        bundle.poses.iter().map(|p| p.translation.vector).collect()
+    };
+    let centre = points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(count as f64);
+    let size = points
+        .iter()
+        .fold(T::zero(), |sum, p| sum + (p - centre).norm_squared());
+    Weakness {
+        spread: (square / size).sqrt().as_f64(),
+        eigenvalue: eigenvalue.as_f64(),
+    }
+}

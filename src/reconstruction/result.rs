@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What a reconstruction returns.
+
+use crate::estimation::{Map, Problem, Report, Termination, Undetermined};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// A map, how well it explains the bearings, and its rivals.
+///
+/// Gauge: the first determined view is at the origin with heading 0, and the root-mean-square
+/// distance of the other views from it is 1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reconstruction<T: Real> {
+    /// Poses and landmarks; `None` where undetermined.
+    pub map: Map<T>,
+    /// Half the sum of squared residuals over sigma.
+    pub cost: T,
+    /// Root mean square of the residuals \[rad\].
+    pub rms: T,
+    /// Predicted minus measured bearing \[rad\] in (-pi, pi], in the order of the problem's input;
+    /// `None` where an end is undetermined.
+    pub residuals: Vec<Option<T>>,
+    /// How the refinement ended.
+    pub termination: Termination,
+    /// Linear systems that the refinement solved.
+    pub iterations: usize,
+    /// Views and landmarks without an estimate, and why.
+    pub undetermined: Vec<Undetermined>,
+    /// Predicted standard deviation of the map in the direction that the bearings hold least, over
+    /// the size of the map; infinite when the residuals leave nothing to judge the noise by and the
+    /// direction is free, NaN when it was not computed. Above 1 the map is not determined.
+    pub uncertainty: f64,
+    /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
+    /// views; best first.
+    pub alternatives: Vec<Self>,
+}
+
+impl<T: Real> Reconstruction<T> {
+    /// Normalises a map and judges it.
+    pub(super) fn new(problem: &Problem<T>, map: &Map<T>, report: Report<T>) -> Self {
+        let map = map.normalized();
+        let mut residuals = alloc::vec![None; problem.sightings().len()];
+        let (mut squares, mut count) = (T::zero(), T::zero());
+        for (&place, residual) in problem.input_order().iter().zip(map.residuals(problem)) {
+            residuals[place] = residual;
+            if let Some(r) = residual {
+                squares += r * r;
+                count += T::one();
+            }
+        }
+        Self {
+            map,
+            cost: report.cost,
+            rms: (squares / count.max(T::one())).sqrt(),
+            residuals,
+            termination: report.termination,
+            iterations: report.iterations,
+            undetermined: report.undetermined,
+            uncertainty: f64::NAN,
+            alternatives: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! From bearings to the best map: hypotheses, refinement, choice.
+
+use super::expand::{grow, score};
+use super::four;
+use super::paper;
+use super::result::Reconstruction;
+use super::triples::{self, Sight, common_bearings};
+use crate::error::Error;
+use crate::estimation::{Map, Problem, RefineOptions, Report, Termination, refine_map, weakness};
+use crate::kernels::{Method, three_view};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// How a first map is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strategy {
+    /// Many triples of views, both branches of each; the best few refined.
+    Search(Search),
+    /// The paper's path from the first three views, with its own or the calibrated tensor.
+    FirstViews(Method),
+}
+
+/// How wide a search is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Search {
+    /// Triples of views to start from.
+    pub triples: usize,
+    /// Maps to refine.
+    pub candidates: usize,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            triples: 24,
+            candidates: 3,
+        }
+    }
+}
+
+/// Options of [`solve`] and [`initialize`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveOptions<T: Real> {
+    /// How a first map is found.
+    pub strategy: Strategy,
+    /// Options of the refinement.
+    pub refine: RefineOptions<T>,
+    /// Seed of the draw of triples: the same seed gives the same bits.
+    pub seed: u64,
+}
+
+impl<T: Real> Default for SolveOptions<T> {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Search(Search::default()),
+            refine: RefineOptions::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
+const MIN_SHARED: usize = 5;
+const MIN_SHARED_WITH_FOURTH: usize = 4;
+
+/// Called now and then with the stage, the steps done and their number; `false` stops the work.
+pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
+
+/// Linear maps without refinement, best first: the winner carries the rest as alternatives.
+pub fn initialize<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Reconstruction<T>, Error> {
+    let mut progress = progress;
+    let mut maps = hypotheses(problem, options, &mut progress)?;
+    maps.truncate(2);
+    let judged = maps.into_iter().map(|mut map| {
+        let undetermined = map.prune(problem);
+        let cost = cost(problem, &map);
+        Reconstruction::new(
+            problem,
+            &map,
+            Report {
+                cost,
+                termination: Termination::NotRefined,
+                iterations: 0,
+                undetermined,
+            },
+        )
+    });
+    choose(judged.collect())
+}
+
+/// Half the sum of squared residuals over sigma.
+fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
+    problem
+        .sightings()
+        .iter()
+        .zip(map.residuals(problem))
+        .filter_map(|(s, residual)| residual.map(|r| r * s.weight))
+        .fold(T::zero(), |sum, r| sum + r * r)
+        * T::lit(0.5)
+}
+
+/// Refines a start: one map, no search.
+///
+/// # Errors
+/// As [`refine_map`](crate::refine_map).
+pub fn refine<T: Real>(
+    problem: &Problem<T>,
+    start: &Map<T>,
+    options: &RefineOptions<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Reconstruction<T>, Error> {
+    let mut progress = progress;
+    let mut map = start.clone();
+    let total = options.max_iterations;
+    let report = refine_map(
+        problem,
+        &mut map,
+        options,
+        Some(&mut |done, _| tell(&mut progress, "refine", done, total)),
+    )?;
+    Ok(Reconstruction::new(problem, &map, report))
+}
+
+fn tell(progress: &mut Option<Progress<'_>>, stage: &'static str, done: usize, all: usize) -> bool {
+    progress
+        .as_mut()
+        .is_none_or(|progress| progress(stage, done, all))
+}
+
+/// Poses and landmarks from bearings alone.
+pub fn solve<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Reconstruction<T>, Error> {
+    let mut progress = progress;
+    let mut maps = hypotheses(problem, options, &mut progress)?;
+    let candidates = match options.strategy {
+        Strategy::Search(search) => search.candidates,
+        Strategy::FirstViews(_) => 1,
+    };
+    maps.truncate(candidates);
+    let total = maps.len();
+    let mut refined = Vec::with_capacity(total);
+    for (done, mut map) in maps.into_iter().enumerate() {
+        let report = refine_map(
+            problem,
+            &mut map,
+            &options.refine,
+            Some(&mut |_, _| tell(&mut progress, "refine", done, total)),
+        );
+        match report {
+            Ok(report) => refined.push(Reconstruction::new(problem, &map, report)),
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            // A hypothesis that cannot even be refined is none.
+            Err(_) => {}
+        }
+    }
+    let mut best = choose(refined)?;
+    let weakness = weakness(problem, &best.map);
+    let bound = 64.0 * T::eps().as_f64();
+    if !(weakness.eigenvalue > bound) {
+        return Err(Error::Degenerate {
+            quantity: "smallest eigenvalue of the refined map's information",
+            value: weakness.eigenvalue,
+            bound,
+        });
+    }
+    let freedom = freedom(problem, &best.map);
+    best.uncertainty = if freedom > 0 {
+        weakness.spread * (2.0 * best.cost.as_f64() / freedom as f64).sqrt()
+    } else {
+        f64::NAN
+    };
+    Ok(best)
+}
+
+/// Sightings less parameters.
+fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>) -> usize {
+    let views = map.poses.iter().flatten().count();
+    let landmarks = map.landmarks.iter().flatten().count();
+    let sightings = map.residuals(problem).flatten().count();
+    (sightings + 4).saturating_sub(3 * views + 2 * landmarks)
+}
+
+/// First maps, best first.
+fn hypotheses<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map<T>>, Error> {
+    match options.strategy {
+        Strategy::FirstViews(method) => paper::follow(problem, method).map(Vec::from),
+        Strategy::Search(search) => self::search(problem, search, options.seed, progress),
+    }
+}
+
+/// Maps grown from many triples of views, the best score first.
+fn search<T: Real>(
+    problem: &Problem<T>,
+    search: Search,
+    seed: u64,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map<T>>, Error> {
+    if problem.views() < 3 {
+        return Err(Error::TooFew {
+            what: "views",
+            needed: 3,
+            got: problem.views(),
+        });
+    }
+    let mut failure = None;
+    let mut scored: Vec<(f64, Map<T>)> = Vec::new();
+    let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
+    for (done, &views) in drawn.iter().enumerate() {
+        if !tell(progress, "search", done, drawn.len()) {
+            return Err(Error::Interrupted);
+        }
+        let (triples, _) = common_bearings(problem, views);
+        match three_view(&triples, Method::Calibrated { reweights: 1 }) {
+            Err(error) => failure = Some(error),
+            Ok(solution) => {
+                for motion in solution.motions {
+                    let mut map = Map::empty(problem.views(), problem.landmarks());
+                    for (&view, pose) in views.iter().zip(motion.poses) {
+                        map.poses[view] = Some(pose);
+                    }
+                    grow(problem, &mut map);
+                    scored.push((score(problem, &map).as_f64(), map));
+                }
+            }
+        }
+    }
+    if drawn.is_empty() && problem.views() > 3 {
+        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, search.triples, seed);
+        for (done, &views) in drawn.iter().enumerate() {
+            if !tell(progress, "search", done, drawn.len()) {
+                return Err(Error::Interrupted);
+            }
+            scored.extend(
+                four::sweep(problem, views)
+                    .into_iter()
+                    .map(|(score, map)| (score.as_f64(), map)),
+            );
+        }
+    }
+    if scored.is_empty() {
+        return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
+    }
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(scored.into_iter().map(|(_, map)| map).collect())
+}
+
+/// What to say when no three views share enough landmarks.
+fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
+    let views = problem.views();
+    let sight = Sight::new(problem);
+    let mut most = 0;
+    for i in 0..views.min(60) {
+        for j in i + 1..views.min(60) {
+            for k in j + 1..views.min(60) {
+                most = most.max(sight.common([i, j, k]));
+            }
+        }
+    }
+    Error::TooFew {
+        what: "landmarks seen by the same three views",
+        needed: if views > 3 {
+            MIN_SHARED_WITH_FOURTH
+        } else {
+            MIN_SHARED
+        },
+        got: most,
+    }
+}
+
+/// The best of some reconstructions, with the rivals that explain the data nearly as well.
+fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T>, Error> {
+    // Those that reach more come first: a cost over fewer sightings is no merit.
+    found.sort_by(|a, b| {
+        let missing = a.undetermined.len().cmp(&b.undetermined.len());
+        missing.then(a.cost.as_f64().total_cmp(&b.cost.as_f64()))
+    });
+    let mut found = found.into_iter();
+    let mut best = found.next().ok_or(Error::Degenerate {
+        quantity: "number of hypotheses that could be refined",
+        value: 0.0,
+        bound: 1.0,
+    })?;
+    let bound = (best.rms * T::lit(RIVAL_RMS)).max(T::eps().sqrt());
+    for rival in found {
+        let known = core::iter::once(&best).chain(&best.alternatives);
+        if rival.rms <= bound
+            && rival.undetermined.len() == best.undetermined.len()
+            && known.into_iter().all(|other| !same(&rival.map, &other.map))
+        {
+            best.alternatives.push(rival);
+        }
+    }
+    Ok(best)
+}
+
+/// A rival is returned when its residuals are at most this many times those of the winner.
+const RIVAL_RMS: f64 = 3.0;
+
+/// Whether two normalised maps are the same minimum.
+fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
+    let near = T::lit(1e-3);
+    a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
+        (Some(a), Some(b)) => {
+            (a.translation.vector - b.translation.vector).norm() < near
+                && a.rotation.angle_to(&b.rotation).abs() < near
+        }
+        (None, None) => true,
+        _ => false,
+    })
+}

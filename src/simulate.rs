@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Random scenes: the paper's two layouts, and a trajectory with limited sight.
+
+use crate::error::Error;
+use crate::geometry::{Pose, bearing_to, pose};
+use alloc::vec::Vec;
+use core::f64::consts::{PI, TAU};
+use nalgebra::{ComplexField, Point2};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
+
+/// Where robots and landmarks are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// Both uniform over the arena (the paper's figure 9 and section 4.2).
+    Mixed,
+    /// Landmarks on the border of the arena, robots in the middle three fifths of it (figure 10).
+    Enclosed,
+    /// A robot driving a closed, wavy loop among uniform landmarks, heading along its path.
+    Trajectory,
+}
+
+/// The arena and what can be seen in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arena {
+    /// Extent along x.
+    pub width: f64,
+    /// Extent along y.
+    pub height: f64,
+    /// Landmarks farther away than this are not seen.
+    pub sight: f64,
+}
+
+impl Default for Arena {
+    /// The paper's arena, 7 by 5 metres, everything seen.
+    fn default() -> Self {
+        Self {
+            width: 7.0,
+            height: 5.0,
+            sight: f64::INFINITY,
+        }
+    }
+}
+
+/// A scene and the bearings measured in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// The true poses.
+    pub poses: Vec<Pose<f64>>,
+    /// The true landmarks.
+    pub landmarks: Vec<Point2<f64>>,
+    /// Bearings \[rad\] in (-pi, pi], views times landmarks, row by row; NaN where not seen.
+    pub bearings: Vec<f64>,
+}
+
+/// A random scene with Gaussian noise of standard deviation `noise` \[rad\] on every bearing.
+///
+/// The same arguments give the same scene on every machine.
+///
+/// # Errors
+/// [`Error::TooFew`] for no views or no landmarks, [`Error::NotPositive`] for a negative or NaN
+/// noise, width, height or sight.
+///
+/// # Example
+/// ```
+/// use bearslam::{Arena, Layout, simulate};
+/// let scene = simulate(Layout::Mixed, 4, 9, 2.23_f64.to_radians(), 1, Arena::default())?;
+/// assert_eq!(scene.bearings.len(), 36);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+///
+/// # Reference
+/// Dellaert and Stroupe, ICRA 2002, section 4.2.
+pub fn simulate(
+    layout: Layout,
+    views: usize,
+    landmarks: usize,
+    noise: f64,
+    seed: u64,
+    arena: Arena,
+) -> Result<Scene, Error> {
+    for (what, got) in [("views", views), ("landmarks", landmarks)] {
+        if got == 0 {
+            return Err(Error::TooFew {
+                what,
+                needed: 1,
+                got,
+            });
+        }
+    }
+    for (what, value, legal) in [
+        ("noise", noise, noise >= 0.0 && noise.is_finite()),
+        (
+            "width",
+            arena.width,
+            arena.width > 0.0 && arena.width.is_finite(),
+        ),
+        (
+            "height",
+            arena.height,
+            arena.height > 0.0 && arena.height.is_finite(),
+        ),
+        ("sight", arena.sight, arena.sight > 0.0),
+    ] {
+        if !legal {
+            return Err(Error::NotPositive {
+                what,
+                index: 0,
+                value,
+            });
+        }
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let Arena {
+        width,
+        height,
+        sight,
+    } = arena;
+    let poses: Vec<_> = (0..views)
+        .map(|view| match layout {
+            Layout::Mixed => pose(
+                width * random.random::<f64>(),
+                height * random.random::<f64>(),
+                PI - TAU * random.random::<f64>(),
+            ),
+            Layout::Enclosed => pose(
+                width * (0.2 + 0.6 * random.random::<f64>()),
+                height * (0.2 + 0.6 * random.random::<f64>()),
+                PI - TAU * random.random::<f64>(),
+            ),
+            Layout::Trajectory => on_loop(TAU * view as f64 / views as f64, width, height),
+        })
+        .collect();
+    let landmarks: Vec<_> = (0..landmarks)
+        .map(|_| match layout {
+            Layout::Enclosed => on_border(random.random(), width, height),
+            _ => Point2::new(
+                width * random.random::<f64>(),
+                height * random.random::<f64>(),
+            ),
+        })
+        .collect();
+    let normal = Normal::new(0.0, noise).map_err(|_| Error::NotPositive {
+        what: "noise",
+        index: 0,
+        value: noise,
+    })?;
+    let mut bearings = Vec::with_capacity(poses.len() * landmarks.len());
+    for pose in &poses {
+        for landmark in &landmarks {
+            let error = normal.sample(&mut random);
+            let range = (landmark.coords - pose.translation.vector).norm();
+            bearings.push(match bearing_to(pose, landmark) {
+                Some(bearing) if range <= sight => wrap(bearing.angle() + error),
+                _ => f64::NAN,
+            });
+        }
+    }
+    Ok(Scene {
+        poses,
+        landmarks,
+        bearings,
+    })
+}
+
+/// A wavy loop, traversed counter-clockwise once as `phase` goes from 0 to 2 pi.
+fn on_loop(phase: f64, width: f64, height: f64) -> Pose<f64> {
+    let (sin, cos) = ComplexField::sin_cos(phase);
+    let (sin5, cos5) = ComplexField::sin_cos(5.0 * phase);
+    let radius = 0.34 + 0.06 * cos5;
+    let slope = -0.3 * sin5;
+    let (dx, dy) = (
+        width * (slope * cos - radius * sin),
+        height * (slope * sin + radius * cos),
+    );
+    pose(
+        width * (0.5 + radius * cos),
+        height * (0.5 + radius * sin),
+        nalgebra::RealField::atan2(dy, dx),
+    )
+}
+
+/// The point of the border at a fraction of its length.
+fn on_border(fraction: f64, width: f64, height: f64) -> Point2<f64> {
+    let along = fraction * 2.0 * (width + height);
+    if along < width {
+        Point2::new(along, 0.0)
+    } else if along < width + height {
+        Point2::new(width, along - width)
+    } else if along < 2.0 * width + height {
+        Point2::new(2.0 * width + height - along, height)
+    } else {
+        Point2::new(0.0, 2.0 * (width + height) - along)
+    }
+}
+
+/// The same angle in (-pi, pi].
+fn wrap(angle: f64) -> f64 {
+    if angle > PI {
+        angle - TAU * ComplexField::ceil((angle - PI) / TAU)
+    } else if angle <= -PI {
+        angle + TAU * (ComplexField::floor((-PI - angle) / TAU) + 1.0)
+    } else {
+        angle
+    }
+}

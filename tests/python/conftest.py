@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""What all tests share: reference values, pictures without a screen, fast and slow Hypothesis."""
+
+import json
+import os
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from hypothesis import HealthCheck, settings
+
+mpl.use("Agg")
+
+# HYPOTHESIS_PROFILE=slow looks harder; both are deterministic, so that a failure on one machine is one on all.
+settings.register_profile("fast", max_examples=50, deadline=None, derandomize=True)
+settings.register_profile(
+    "slow", max_examples=2000, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+REPOSITORY = Path(__file__).parents[2]
+REFERENCES = {
+    "own": REPOSITORY / "tests" / "data" / "reference.json",
+    "shared": Path(os.environ.get("BEARSLAM_SHARED", REPOSITORY / ".." / "shared"), "vectors", "reference.json"),
+}
+
+
+@pytest.fixture(scope="session")
+def repository():
+    """The folder of the checkout."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session", params=REFERENCES)
+def reference(request):
+    """Reference values: the project's own, and an independent set where there is one."""
+    path = REFERENCES[request.param]
+    if request.param == "shared" and not path.exists():
+        pytest.skip(f"no reference values in {path}; BEARSLAM_SHARED names the folder above vectors/")
+    return json.loads(path.read_text())
+
+
+@pytest.fixture(scope="session")
+def own():
+    """The project's own reference values, made by tests/data/make_reference.py."""
+    return json.loads(REFERENCES["own"].read_text())

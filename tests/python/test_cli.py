@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The command line."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+import bearslam
+from bearslam.cli import main
+from bearslam.progress import ProgressLine
+
+from .test_files import BAD
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A file of bearings."""
+    path = tmp_path / "scene.csv"
+    bearslam.save(bearslam.simulate("mixed", 4, 9, noise=0.02, seed=1).bearings, path)
+    return path
+
+
+def run(*arguments, stdin=b"", **options):
+    return subprocess.run(
+        [sys.executable, "-m", "bearslam", *map(str, arguments)],
+        input=stdin,
+        capture_output=True,
+        check=False,
+        **options,
+    )
+
+
+def complaint(capsys):
+    """The one line on standard error."""
+    captured = capsys.readouterr()
+    (line,) = captured.err.splitlines()
+    assert line.startswith("bearslam: error: ")
+    return line.removeprefix("bearslam: error: ")
+
+
+def test_solve_prints_the_map(scene, capsys):
+    assert main(["solve", str(scene)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    lines = captured.out.splitlines()
+    assert lines[0] == "4 views, 9 landmarks, 36 sightings"
+    assert lines[1].startswith("residual rms ")
+    assert "heading [deg]" in captured.out
+
+
+def test_solve_writes_map_and_picture(scene, tmp_path, capsys):
+    for suffix in (".json", ".csv"):
+        out = tmp_path / f"map{suffix}"
+        picture = tmp_path / "map.png"
+        assert main(["solve", str(scene), "-o", str(out), "--plot", str(picture), "--sigma-deg", "1"]) == 0
+        assert out.stat().st_size
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        assert "heading" not in capsys.readouterr().out
+    saved = json.loads((tmp_path / "map.json").read_text())
+    expected = bearslam.solve(bearslam.load(scene), sigma=3.141592653589793 / 180)
+    assert saved["cost"] == pytest.approx(expected.cost, rel=1e-12)
+    assert {type(view["id"]) for view in saved["views"]} == {str}
+
+
+def test_options_reach_the_solver(scene, tmp_path):
+    out = tmp_path / "map.json"
+    assert main(["solve", str(scene), "-o", str(out), "--method", "projective", "--max-iterations", "1"]) == 0
+    assert json.loads(out.read_text())["iterations"] <= 1
+
+
+def test_standard_input_and_output_make_a_pipe():
+    made = run("simulate", "enclosed", 4, 9, "--noise-deg", 1, "--seed", 3)
+    assert made.returncode == 0
+    solved = run("solve", "-", stdin=made.stdout)
+    assert solved.returncode == 0, solved.stderr
+    assert solved.stdout.startswith(b"4 views, 9 landmarks, 36 sightings")
+
+
+def test_a_reader_that_stops_is_no_failure_worth_words(scene):
+    command = f"{sys.executable} -m bearslam simulate mixed 400 400 | head -n 1"
+    done = subprocess.run(command, shell=True, capture_output=True, check=False)
+    assert done.stdout == b"view,landmark,bearing\n"
+    assert done.stderr == b""
+
+
+def test_simulate_writes_scene_and_truth(tmp_path):
+    scene, truth = tmp_path / "scene.csv", tmp_path / "truth.json"
+    assert main(["simulate", "mixed", "4", "9", "--noise-deg", "0", "-o", str(scene), "--truth", str(truth)]) == 0
+    saved = json.loads(truth.read_text())
+    expected = bearslam.simulate("mixed", 4, 9, noise=0.0, seed=0)
+    assert [saved["landmarks"][3][key] for key in "xy"] == expected.landmarks[3].tolist()
+    assert bearslam.load(scene).sightings.bearing.tolist() == expected.bearings.ravel().tolist()
+    assert main(["simulate", "mixed", "4", "9", "-o", str(scene), "--truth", str(tmp_path / "truth.csv")]) == 0
+
+
+@pytest.mark.parametrize(("text", "message"), BAD)
+def test_a_bad_file_is_one_line_with_its_place(text, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.csv").write_text(text)
+    (tmp_path / "map.json").write_text("old")
+    assert main(["solve", "bad.csv", "-o", "map.json"]) == 1
+    assert complaint(capsys).startswith(message)
+    assert (tmp_path / "map.json").read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_bad_line_on_standard_input_has_its_number():
+    done = run("solve", "-", stdin=b"view,landmark,bearing\na,b,north\n")
+    assert done.returncode == 1
+    assert done.stderr == b"bearslam: error: <stdin>:2: expected a finite number as bearing, got 'north'\n"
+    assert done.stdout == b""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["solve", "none.csv"], "none.csv: No such file or directory"),
+        (["solve", "."], ".: Is a directory"),
+        (["solve", "scene.csv", "-o", "map.txt"], "path: expected a name that ends in .json or .csv, got 'map.txt'"),
+        (["solve", "scene.csv", "-o", "none/map.csv"], "none/map.csv: there is no folder 'none'"),
+        (["solve", "scene.csv", "--plot", "map.gif"], "path: expected a name that ends in .png or .svg or .pdf, got"),
+        (["solve", "scene.csv", "--sigma-deg", "0"], "--sigma-deg: expected a number above 0, got 0"),
+        (["solve", "scene.csv", "--sigma-deg", "nan"], "--sigma-deg: expected a number above 0, got nan"),
+        (["solve", "scene.csv", "--triples", "0"], "triples: expected an integer from 1"),
+        (["solve", "scene.csv", "--damping", "-1"], "damping: expected a number of at least 0, got -1.0"),
+        (["solve", "few.csv"], ""),
+        (["solve", "weighted.csv", "--sigma-deg", "1"], "--sigma-deg: the file has standard deviations of its own"),
+        (["simulate", "mixed", "0", "9"], "views: expected an integer from 1"),
+        (["simulate", "mixed", "4", "9", "--noise-deg", "-1"], "noise: expected a number of at least 0"),
+        (["simulate", "mixed", "4", "9", "-o", "scene.json"], "path: expected a name that ends in .csv"),
+    ],
+)
+def test_what_goes_wrong_is_one_line(arguments, message, scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "few.csv").write_text("view,landmark,bearing\na,b,0.5\n")
+    (tmp_path / "weighted.csv").write_text("view,landmark,bearing,sigma\na,b,0.5,0.1\n")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    assert main(arguments) == 1
+    assert complaint(capsys).startswith(message)
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["fly"],
+        ["solve"],
+        ["solve", "a.csv", "--method", "magic"],
+        ["solve", "a.csv", "--seed", "x"],
+        ["simulate", "mixed"],
+    ],
+)
+def test_wrong_usage_is_one_line(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "--help" in complaint(capsys)
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["solve", "--help"], ["simulate", "--help"], ["demo", "--help"]])
+def test_help_helps(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 0
+    assert "usage: bearslam" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"bearslam {bearslam.__version__}\n"
+
+
+def test_degenerate_geometry_is_one_line(tmp_path, capsys):
+    path = tmp_path / "turning.csv"
+    rows = [f"{view},{mark},{mark - 0.3 * view}" for view in range(4) for mark in range(6)]
+    path.write_text("view,landmark,bearing\n" + "\n".join(rows))
+    assert main(["solve", str(path)]) == 1
+    assert complaint(capsys)
+
+
+def test_a_map_that_did_not_converge_comes_with_a_warning(tmp_path, capsys):
+    path = tmp_path / "scene.csv"
+    bearslam.save(bearslam.simulate("mixed", 8, 12, noise=0.1, seed=1).bearings, path)
+    assert main(["solve", str(path), "--max-iterations", "1", "--tolerance", "0"]) == 0
+    assert capsys.readouterr().err == "bearslam: warning: not converged (max iterations)\n"
+
+
+def test_a_file_that_cannot_be_written_is_left_as_it_was(scene, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "map.json"
+    out.write_text("old")
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert main(["solve", str(scene), "-o", str(out)]) == 1
+    assert complaint(capsys) == "No space left on device"
+    assert out.read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.json", "scene.csv"]
+
+
+def test_without_matplotlib_a_picture_is_refused_before_the_work(scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.delitem(sys.modules, "bearslam.plot", raising=False)
+    out = tmp_path / "map.json"
+    assert main(["solve", str(scene), "-o", str(out), "--plot", str(tmp_path / "map.png")]) == 1
+    assert complaint(capsys) == 'pictures need matplotlib: pip install "bearslam[plot]"'
+    assert not out.exists()
+    assert main(["solve", str(scene), "-o", str(out)]) == 0
+
+
+def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bearslam.cli.solve", interrupted)
+    assert main(["solve", str(scene)]) == 130
+    assert capsys.readouterr().err == "bearslam: interrupted\n"
+
+
+class Terminal(io.StringIO):
+    """A stream that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_progress_is_shown_on_a_terminal_after_a_while_and_wiped():
+    stream = Terminal()
+    with ProgressLine(stream, patience=0.0) as progress:
+        progress("triples", 3, 24)
+    assert stream.getvalue() == "\rtriples 3/24\r            \r"
+
+
+def test_short_work_and_files_get_no_progress():
+    for stream, patience in ((Terminal(), 60.0), (io.StringIO(), 0.0)):
+        with ProgressLine(stream, patience) as progress:
+            progress("triples", 3, 24)
+        assert stream.getvalue() == ""
+
+
+def test_demo_reports_and_draws(tmp_path, capsys):
+    folder = tmp_path / "pictures"
+    assert main(["demo", "-o", str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert "Four robots among nine landmarks: 36 bearings with 2.23 deg noise" in out
+    assert "Four robots ringed by nine landmarks: 36 bearings with 1.53 deg noise" in out
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"figure_{number}.{suffix}" for number in (10, 9) for suffix in ("png", "svg")
+    ]

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Sightings, names, and the forms in which a problem comes."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from bearslam import InvalidInputError, Problem, Sightings
+from bearslam.problem import tabulate
+
+NAN = np.nan
+
+
+def test_a_table_with_gaps_and_parallel_arrays_are_the_same_problem():
+    table = tabulate([[0.1, NAN, 0.3], [NAN, 0.5, 0.6]], sigma=0.02)
+    seen = table.sightings
+    assert (table.views, table.landmarks) == (2, 3)
+    assert seen.view.tolist() == [0, 0, 1, 1]
+    assert seen.landmark.tolist() == [0, 2, 1, 2]
+    assert seen.bearing.tolist() == [0.1, 0.3, 0.5, 0.6]
+    assert table.sigma.tolist() == [0.02] * 4
+    np.testing.assert_array_equal(table.restore(seen.bearing), [[0.1, NAN, 0.3], [NAN, 0.5, 0.6]])
+
+
+def test_views_and_landmarks_that_nobody_saw_count_in_a_table():
+    table = tabulate([[0.1, NAN], [NAN, NAN]])
+    assert (table.views, table.landmarks) == (2, 2)
+
+
+def test_standard_deviations_of_a_table_may_have_gaps_where_the_table_has():
+    assert tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, NAN, 3.0]]).sigma.tolist() == [1.0, 3.0]
+    with pytest.raises(InvalidInputError, match=r"sigma\[1\]: expected a number above 0"):
+        tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, 2.0, NAN]])
+
+
+def test_sightings_keep_what_they_were_given():
+    bearing = np.array([0.1, 0.2])
+    seen = Sightings([0, 1], [0, 0], bearing, 0.01)
+    bearing[0] = 9.0
+    assert seen.bearing.tolist() == [0.1, 0.2]
+    assert seen.sigma is not None
+    assert seen.sigma.tolist() == [0.01, 0.01]
+    with pytest.raises(ValueError, match="read-only"):
+        seen.view[0] = 3
+    again = pickle.loads(pickle.dumps(seen))
+    assert again.bearing.tolist() == [0.1, 0.2]
+
+
+def test_names_stay_with_the_problem():
+    problem = Problem(Sightings([0, 1], [0, 0], [0.1, 0.2]), ["left", "right"], ["door"])
+    table = tabulate(problem, 0.5)
+    assert table.view_ids == ("left", "right")
+    assert table.landmark_ids == ("door",)
+    assert table.sigma.tolist() == [0.5, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("view", "landmark", "bearing", "sigma", "message"),
+    [
+        ([0, 1], [0], [0.1, 0.2], None, "landmark: expected as many entries as view has, 2, got 1"),
+        ([0, 1], [0, 0], [0.1], None, "bearing: expected as many entries as view has, 2, got 1"),
+        ([], [], [], None, "view: expected at least one sighting, got none"),
+        ([0.0], [0], [0.1], None, "view: expected 0-based integers, got an array of dtype float64"),
+        ([True], [0], [0.1], None, "view: expected 0-based integers, got an array of dtype bool"),
+        (["a"], [0], [0.1], None, "view: expected 0-based integers, got an array of dtype <U1"),
+        ([0], [-1], [0.1], None, r"landmark\[0\]: expected an index from 0 to 16777215, got -1"),
+        ([10**9], [0], [0.1], None, r"view\[0\]: expected an index from 0"),
+        ([[0]], [0], [0.1], None, r"view: expected an array of shape \(k,\), got \(1, 1\)"),
+        ([0], [0], [NAN], None, r"bearing\[0\]: expected a finite number, got nan"),
+        ([0], [0], [np.inf], None, r"bearing\[0\]: expected a finite number, got inf"),
+        ([0], [0], ["0.1"], None, "bearing: expected real numbers, got an array of dtype <U3"),
+        ([0], [0], [0.1], 0.0, "sigma: expected a number above 0 for every sighting, got 0"),
+        ([0, 1], [0, 0], [0.1, 0.1], [1.0, -2.0], r"sigma\[1\]: expected a number above 0 for every sighting, got -2"),
+        ([0], [0], [0.1], [NAN], r"sigma\[0\]: expected a finite number, got nan"),
+        ([0], [0], [0.1], [1.0, 1.0], r"sigma: expected an array of shape \(1,\), got \(2,\)"),
+    ],
+)
+def test_bad_sightings(view, landmark, bearing, sigma, message):
+    with pytest.raises(InvalidInputError, match=f"^{message}"):
+        Sightings(view, landmark, bearing, sigma)
+
+
+@pytest.mark.parametrize(
+    ("problem", "sigma", "message"),
+    [
+        ([0.1, 0.2], 1.0, r"bearings: expected an array of shape \(m, n\), got \(2,\)"),
+        ([[0.1], [0.2, 0.3]], 1.0, "bearings: expected an array of numbers, got rows that do not fit together"),
+        ([[0.1, None]], 1.0, "bearings: expected real numbers, got an array of dtype object"),
+        ([[0.1, 1j]], 1.0, "bearings: expected real numbers, got an array of dtype complex128"),
+        ([["0.1"]], 1.0, "bearings: expected real numbers"),
+        ([[0.1, np.inf]], 1.0, r"bearings\[0, 1\]: expected a finite number, or NaN for what is missing, got inf"),
+        ([[NAN, NAN]], 1.0, r"bearings: expected at least one sighting, got none in shape \(1, 2\)"),
+        (np.empty((0, 3)), 1.0, r"bearings: expected at least one sighting, got none in shape \(0, 3\)"),
+        (np.ma.masked_invalid([[0.1, NAN]]), 1.0, "bearings: expected a plain array, got a masked one"),
+        ([[0.1]], -1.0, "sigma: expected a number above 0 for every sighting, got -1"),
+        ([[0.1]], NAN, "sigma: expected a finite number, got nan"),
+        ([[0.1]], "wide", "sigma: expected real numbers"),
+        ([[0.1]], [1.0], r"sigma: expected an array of shape \(1, 1\), got \(1,\)"),
+        (Sightings([0], [0], [0.1], 0.1), 0.2, "sigma: the sightings come with standard deviations of their own"),
+        (object(), 1.0, r"bearings: expected real numbers, got an array of dtype object"),
+    ],
+)
+def test_bad_problems(problem, sigma, message):
+    with pytest.raises(InvalidInputError, match=f"^{message}"):
+        tabulate(problem, sigma)
+
+
+@pytest.mark.parametrize(
+    ("views", "message"),
+    [
+        (["a"], "view_ids: expected 2 names, got 1"),
+        (["a", "a"], "view_ids: expected distinct names, got 'a' twice"),
+        (["a", ""], r"view_ids\[1\]: expected a name"),
+        (["a", " b"], r"view_ids\[1\]: expected a name"),
+        (["a", "b\nc"], r"view_ids\[1\]: expected a name"),
+        (["a", 3], r"view_ids\[1\]: expected a name"),
+    ],
+)
+def test_bad_names(views, message):
+    with pytest.raises(InvalidInputError, match=f"^{message}"):
+        Problem(Sightings([0, 1], [0, 0], [0.1, 0.2]), views, ["door"])

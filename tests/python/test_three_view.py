@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Three views in closed form, against reference values made by other means."""
+
+import numpy as np
+import pytest
+
+import bearslam
+
+# Rounding, amplified by the condition of the worst scene in the reference.
+TOLERANCE = 1e-8
+
+
+def relative(poses):
+    """Poses in the frame of the first, at unit distance between the first two."""
+    poses = np.asarray(poses, dtype=float)
+    position = (poses[:, 0] + 1j * poses[:, 1] - complex(*poses[0, :2])) * np.exp(-1j * poses[0, 2])
+    return position / abs(position[1]), np.exp(1j * (poses[:, 2] - poses[0, 2]))
+
+
+def distance(found, expected):
+    return max(np.abs(a - b).max() for a, b in zip(relative(found), relative(expected), strict=True))
+
+
+def test_both_solutions_agree_with_the_reference(reference):
+    for record in reference["three_view"]:
+        found = bearslam.three_view(record["bearings"], reweights=0)
+        assert len(found) == len(record["solutions"])
+        for expected in record["solutions"]:
+            nearest = min(found, key=lambda one: distance(one.poses, expected["poses"]))
+            assert distance(nearest.poses, expected["poses"]) < TOLERANCE
+            assert nearest.inconsistent == expected["inconsistent"]
+
+
+def test_the_truth_is_among_the_solutions_of_exact_bearings(reference):
+    for record in reference["three_view"]:
+        if record.get("noise_deg", 0.0) == 0.0:
+            found = bearslam.three_view(record["bearings"])
+            truth = np.array(record["true_landmarks"])
+            errors = [np.abs(bearslam.align(one.landmarks, truth).apply(one.landmarks) - truth).max() for one in found]
+            assert min(errors) < 1e-6
+
+
+def test_the_tensor_is_that_of_the_null_vector(reference):
+    for record in reference["three_view"]:
+        a, b, c = np.array(record["bearings"])
+        v = np.array(record["null_vector"])
+        tensor = bearslam.trifocal_tensor(record["bearings"], reweights=0)
+        assert np.linalg.norm(tensor) == pytest.approx(1.0, abs=1e-12)
+        # Both are the same form in the bearings, up to one factor: compare what they say of other bearings.
+        other = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, 40))
+        a, b, c = other
+        u, w, z = np.stack([np.cos(other), np.sin(other)], axis=1)
+        from_tensor = np.einsum("ijl,ik,jk,lk->k", tensor, u, w, z)
+        angles = [a + b - c, a - b + c, -a + b + c]
+        from_vector = v @ np.concatenate([[np.cos(angle), np.sin(angle)] for angle in angles])
+        factor = from_tensor @ from_vector / (from_vector @ from_vector)
+        assert np.abs(from_tensor - factor * from_vector).max() < TOLERANCE
+
+
+def test_the_projective_tensor_is_the_reference_up_to_sign(own):
+    for record in own["three_view"]:
+        if "projective_tensor" in record:
+            expected = np.array(record["projective_tensor"]).reshape(2, 2, 2)
+            tensor = bearslam.trifocal_tensor(record["bearings"], method="projective")
+            assert min(np.abs(tensor - expected).max(), np.abs(tensor + expected).max()) < TOLERANCE
+
+
+def test_epipoles_are_the_reference_in_either_order(own):
+    for record in own["three_view"]:
+        expected = np.array(record["epipoles"], dtype=float)
+        found = bearslam.epipoles(bearslam.trifocal_tensor(record["bearings"], reweights=0))
+        assert np.isnan(found).tolist() == np.isnan(expected).tolist()
+        away = [np.nanmax(np.abs(np.sin(found - order))) for order in (expected, expected[::-1])]
+        assert min(away) < 1e-7
+
+
+def test_reweighting_lowers_the_error_on_the_whole():
+    errors = {0: [], 2: []}
+    for seed in range(60):
+        scene = bearslam.simulate("mixed", 3, 20, noise=0.005, seed=seed)
+        for reweights, found in errors.items():
+            solutions = bearslam.three_view(scene.bearings, reweights=reweights)
+            headings = [relative(one.poses)[1] / relative(scene.poses)[1] for one in solutions]
+            found.append(min(np.abs(np.angle(one)).max() for one in headings))
+    assert np.median(errors[2]) < np.median(errors[0])
+
+
+def test_five_landmarks_are_enough_for_calibrated_and_seven_for_projective():
+    scene = bearslam.simulate("mixed", 3, 7, noise=0.0, seed=5)
+    assert bearslam.three_view(scene.bearings[:, :5])
+    assert bearslam.three_view(scene.bearings, method="projective")
+    with pytest.raises(bearslam.InvalidInputError, match="5"):
+        bearslam.three_view(scene.bearings[:, :4])
+    with pytest.raises(bearslam.InvalidInputError, match="7"):
+        bearslam.three_view(scene.bearings[:, :6], method="projective")
+
+
+def test_landmarks_along_a_wall_are_degenerate():
+    wall = np.arctan2(2.0, np.linspace(-3, 3, 9) - np.array([[0.0], [1.0], [-0.5]]))
+    with pytest.raises(bearslam.DegenerateError) as caught:
+        bearslam.three_view(wall)
+    assert caught.value.quantity
+    assert np.isfinite([caught.value.value, caught.value.bound]).all()
+
+
+def test_what_comes_back_can_be_read():
+    (first, *_) = bearslam.three_view(bearslam.simulate("mixed", 3, 9, noise=0.0, seed=1).bearings)
+    assert first.poses.shape == (3, 3)
+    assert first.landmarks.shape == (9, 2)
+    assert first.poses[0].tolist() == [0.0, 0.0, 0.0]
+    assert np.hypot(*first.poses[1, :2]) == pytest.approx(1.0)
+    assert "9 landmarks" in repr(first)
