@@ -22,8 +22,8 @@ try:
     from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
-except ImportError as error:  # pragma: no cover
-    raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from error
+except ImportError:
+    raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from None
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,7 +3,8 @@
 
 use crate::scalar::Real;
 
-/// Replaces the lower triangle of a row-major `n x n` matrix by its Cholesky factor.
+/// Replaces the lower triangle of a row-major `n x n` matrix by its Cholesky
+/// factor with inverted diagonal.
 ///
 /// `false` when a pivot is not positive: the matrix is not positive definite in this arithmetic.
 pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
@@ -11,8 +12,7 @@ pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
         let (above, rest) = matrix.split_at_mut(i * n);
         let row = &mut rest[..=i];
         for j in 0..i {
-            let other = &above[j * n..=j * n + j];
-            // The diagonal of the factor is kept inverted while factorising.
+            let other = &above[j * n..][..=j];
             row[j] = (row[j] - dot(&row[..j], &other[..j])) * other[j];
         }
         let pivot = row[i] - dot(&row[..i], &row[..i]);
@@ -25,13 +25,14 @@ pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
 }
 
 /// Solves `L L^T x = b` in place with the factor of [`factorize`].
-pub fn solve<T: Real>(factor: &[T], n: usize, x: &mut [T]) {
+pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
+    let n = x.len();
     for i in 0..n {
-        let row = &factor[i * n..=i * n + i];
+        let row = &factor[i * n..][..=i];
         x[i] = (x[i] - dot(&row[..i], &x[..i])) * row[i];
     }
     for i in (0..n).rev() {
-        let row = &factor[i * n..=i * n + i];
+        let row = &factor[i * n..][..=i];
         let value = x[i] * row[i];
         x[i] = value;
         for (x, l) in x[..i].iter_mut().zip(&row[..i]) {
@@ -75,7 +76,7 @@ mod tests {
             let mut matrix: Vec<f64> = a.as_slice().to_vec();
             let mut x = b.as_slice().to_vec();
             assert!(factorize(&mut matrix, n));
-            solve(&matrix, n, &mut x);
+            solve(&matrix, &mut x);
             let error = (DVector::from_vec(x) - &expected).norm();
             assert!(error < 1e-11 * expected.norm(), "{error:e}");
         }

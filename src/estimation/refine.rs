@@ -7,9 +7,8 @@ use super::problem::Problem;
 use super::schur::{Grouped, Schur, Slot};
 use crate::error::Error;
 use crate::scalar::Real;
-use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, SVector, Vector2, Vector3};
 
 /// Options of the refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -178,6 +177,10 @@ impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
         self.problem.views()
     }
 
+    fn sightings(&self) -> usize {
+        self.rows.len()
+    }
+
     fn kept(&self) -> usize {
         self.problem.landmarks()
     }
@@ -203,6 +206,10 @@ impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
         self.problem.landmarks()
     }
 
+    fn sightings(&self) -> usize {
+        self.rows.len()
+    }
+
     fn kept(&self) -> usize {
         self.problem.views()
     }
@@ -218,35 +225,33 @@ impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
     }
 }
 
-/// The directions of translation, rotation and scaling of the blocks that stay, orthonormal.
-fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vec<T>> {
-    let points: Vec<Vector2<T>> = if K == 2 {
-        bundle.landmarks.iter().map(|p| p.coords).collect()
-    } else {
-        bundle.poses.iter().map(|p| p.translation.vector).collect()
-    };
-    let centre =
-        points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(points.len() as f64);
-    let mut directions = vec![Vec::with_capacity(points.len() * K); 4];
-    for point in &points {
+/// The directions of translation, rotation and scaling of the blocks that stay: orthonormal rows.
+fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> DMatrix<T> {
+    let points = kept_positions::<T, K>(bundle);
+    let count = T::lit(points.len() as f64);
+    let centre = centroid(&points);
+    let spread = spread(&points);
+    // Norms of the four directions; headings turn along.
+    let turned = if K == 2 { spread } else { spread + count };
+    let [shift, turn, grow] = [count, turned, spread].map(|square| {
+        if square > T::zero() {
+            T::one() / square.sqrt()
+        } else {
+            T::zero()
+        }
+    });
+    let mut directions = DMatrix::zeros(4, points.len() * K);
+    for (k, point) in points.iter().enumerate() {
         let p = point - centre;
-        let (one, zero) = (T::one(), T::zero());
-        for (direction, entry) in directions.iter_mut().zip([
-            Vector3::new(one, zero, zero),
-            Vector3::new(zero, one, zero),
-            Vector3::new(-p.y, p.x, one),
-            Vector3::new(p.x, p.y, zero),
-        ]) {
-            direction.extend_from_slice(&entry.as_slice()[..K]);
+        directions[(0, K * k)] = shift;
+        directions[(1, K * k + 1)] = shift;
+        directions[(2, K * k)] = -p.y * turn;
+        directions[(2, K * k + 1)] = p.x * turn;
+        if K == 3 {
+            directions[(2, K * k + 2)] = turn;
         }
-    }
-    for direction in &mut directions {
-        let norm = direction.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
-        if norm > T::zero() {
-            for v in direction {
-                *v /= norm;
-            }
-        }
+        directions[(3, K * k)] = p.x * grow;
+        directions[(3, K * k + 1)] = p.y * grow;
     }
     directions
 }
@@ -375,18 +380,12 @@ const MAX_DAMPING: f64 = 1e8;
 /// Residuals of this many units of rounding are zero.
 const ZERO_RESIDUAL_EPS: f64 = 8.0;
 
-/// How far the data leave a map undetermined.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Weakness {
-    /// Predicted standard deviation of the map in its weakest direction over the size of the map, for
-    /// residuals of unit variance (in units of sigma); infinite when the direction is free.
-    pub spread: f64,
-    /// The eigenvalue that says so, between 0 (free) and 1.
-    pub eigenvalue: f64,
-}
-
-/// The weakest direction of a refined map.
-pub(crate) fn weakness<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Weakness {
+/// How sensitive a refined map is to noise in the direction that the bearings hold least: the
+/// predicted standard deviation of the map over its size, for residuals of one sigma.
+///
+/// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
+/// the number is rounding itself.
+pub(crate) fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
     let restricted;
     let active = if map.is_complete() {
         problem
@@ -402,45 +401,57 @@ pub(crate) fn weakness<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Weakness 
     }
 }
 
-fn weakest<T: Real, const E: usize, const K: usize>(
-    bundle: &Bundle<T>,
-    problem: &Problem<T>,
-) -> Weakness
+/// A sighting over less than this part of the map's size ties two places together but tells nothing
+/// else; its huge weight would only drown the rest.
+const TOUCHING: f64 = 1e-4;
+
+fn weakest<T: Real, const E: usize, const K: usize>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64
 where
     for<'x> Linearized<'x, T>: Grouped<T, E, K>,
 {
-    let free = Weakness {
-        spread: f64::INFINITY,
-        eigenvalue: 0.0,
-    };
+    let points = kept_positions::<T, K>(bundle);
+    let size = spread(&points);
     let mut rows = Vec::new();
     bundle.linearize(problem, &mut rows);
+    let limit = T::lit(points.len() as f64 / (TOUCHING * TOUCHING)) / size;
+    for row in &mut rows {
+        if row.gradient.norm_squared() > limit * row.weight * row.weight {
+            row.gradient = Vector2::zeros();
+            row.weight = T::zero();
+        }
+    }
     let linearized = Linearized {
         problem,
         rows: &rows,
     };
     let mut schur = Schur::<T, E, K>::new();
-    let gauge = gauge::<T, K>(bundle);
-    if !schur.factorize(&linearized, T::zero(), &gauge) {
-        return free;
+    if !schur.factorize(&linearized, T::zero(), &gauge::<T, K>(bundle)) {
+        return f64::INFINITY;
     }
-    let (direction, eigenvalue) = schur.weakest_direction();
-    // Positions only: x and y of each block; the size of the map in the same coordinates.
-    let count = linearized.kept();
-    let square = (0..count).fold(T::zero(), |sum, k| {
-        sum + direction[K * k] * direction[K * k] + direction[K * k + 1] * direction[K * k + 1]
+    let direction = schur.weakest_direction();
+    let square = direction.chunks_exact(K).fold(T::zero(), |sum, block| {
+        sum + block[0] * block[0] + block[1] * block[1]
     });
-    let points: Vec<Vector2<T>> = if K == 2 {
+    (square / size).sqrt().as_f64()
+}
+
+/// The positions of the blocks that stay: landmarks for `K` = 2, views for `K` = 3.
+fn kept_positions<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vector2<T>> {
+    if K == 2 {
         bundle.landmarks.iter().map(|p| p.coords).collect()
     } else {
         bundle.poses.iter().map(|p| p.translation.vector).collect()
-    };
-    let centre = points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(count as f64);
-    let size = points
-        .iter()
-        .fold(T::zero(), |sum, p| sum + (p - centre).norm_squared());
-    Weakness {
-        spread: (square / size).sqrt().as_f64(),
-        eigenvalue: eigenvalue.as_f64(),
     }
+}
+
+fn centroid<T: Real>(points: &[Vector2<T>]) -> Vector2<T> {
+    points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(points.len() as f64)
+}
+
+/// Sum of squared distances from the centroid.
+fn spread<T: Real>(points: &[Vector2<T>]) -> T {
+    let centre = centroid(points);
+    points
+        .iter()
+        .fold(T::zero(), |sum, p| sum + (p - centre).norm_squared())
 }

@@ -9,7 +9,7 @@ use super::cholesky;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::SVector;
+use nalgebra::{DMatrix, SVector};
 
 /// A sighting as the elimination sees it.
 #[derive(Clone, Copy)]
@@ -28,6 +28,8 @@ pub struct Slot<T: Real, const E: usize, const K: usize> {
 pub trait Grouped<T: Real, const E: usize, const K: usize> {
     /// Number of blocks that go.
     fn groups(&self) -> usize;
+    /// Number of sightings.
+    fn sightings(&self) -> usize;
     /// Number of blocks that stay.
     fn kept(&self) -> usize;
     /// The sightings of one group.
@@ -36,17 +38,23 @@ pub trait Grouped<T: Real, const E: usize, const K: usize> {
 
 /// The reduced system, and what is needed to bring back the blocks that went.
 pub struct Schur<T: Real, const E: usize, const K: usize> {
-    /// Row-major, lower triangle: the reduced matrix, then its Cholesky factor.
-    matrix: Vec<T>,
+    /// The reduced matrix, then its Cholesky factor in the upper triangle (column by column, which is
+    /// the lower triangle row by row).
+    matrix: DMatrix<T>,
     /// Minus the reduced gradient, then the step.
     step: Vec<T>,
-    /// Diagonal of the blocks that stay, before elimination and damping.
-    diagonal: Vec<T>,
+    /// The blocks on the diagonal of what stays, before elimination and damping.
+    diagonal: Vec<[[T; K]; K]>,
     /// Factors of the blocks that went.
     blocks: Vec<Block<T, E>>,
-    /// Of the group at work: `L^-1 gone` times `stay`, one row per row of the block.
-    products: [Vec<T>; E],
+    /// The sightings of the group at work, each with `L^-1 gone`.
     slots: Vec<(Slot<T, E, K>, [T; E])>,
+    /// Of some groups: `L^-1 gone` times `stay`, a column per parameter that stays, `E` rows per group.
+    batch: DMatrix<T>,
+    /// The same transposed, which makes the product a plain one.
+    transposed: DMatrix<T>,
+    /// Groups in `batch`.
+    batched: usize,
 }
 
 /// Cholesky factor of a damped block, diagonal inverted.
@@ -115,63 +123,91 @@ fn dot<T: Real, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
 impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     pub fn new() -> Self {
         Self {
-            matrix: Vec::new(),
+            matrix: DMatrix::zeros(0, 0),
             step: Vec::new(),
             diagonal: Vec::new(),
             blocks: Vec::new(),
-            products: core::array::from_fn(|_| Vec::new()),
             slots: Vec::new(),
+            batch: DMatrix::zeros(0, 0),
+            transposed: DMatrix::zeros(0, 0),
+            batched: 0,
         }
     }
 
     /// Forms and factorises the reduced system.
     ///
-    /// `gauge` are directions of the blocks that stay along which nothing changes; each is given the
+    /// The rows of `gauge` are directions of the blocks that stay along which nothing changes; each is given the
     /// stiffness of an average parameter, which fixes it and nothing else: the right-hand side is at
     /// right angles to it. `false` when the system is not positive definite.
     pub fn factorize(
         &mut self,
         grouped: &impl Grouped<T, E, K>,
         damping: T,
-        gauge: &[Vec<T>],
+        gauge: &DMatrix<T>,
     ) -> bool {
         let size = grouped.kept() * K;
-        self.matrix.clear();
-        self.matrix.resize(size * size, T::zero());
+        if self.matrix.nrows() != size {
+            self.matrix = DMatrix::zeros(size, size);
+        }
         self.step.clear();
         self.step.resize(size, T::zero());
         self.diagonal.clear();
-        self.diagonal.resize(size, T::zero());
+        self.diagonal.resize(grouped.kept(), [[T::zero(); K]; K]);
         self.blocks.clear();
+        let dense = grouped.sightings() * DENSE_FILL >= grouped.groups() * grouped.kept();
+        let height = grouped.groups().min(BATCH) * E;
+        if dense && self.batch.shape() != (height, size) {
+            self.batch = DMatrix::zeros(height, size);
+            self.transposed = DMatrix::zeros(size, height);
+        }
+        let complete = grouped.sightings() == grouped.groups() * grouped.kept();
+        // What is left of the old matrix: nothing, once the first product has been written over it.
+        let mut factor = T::zero();
+        if !dense {
+            self.matrix.as_mut_slice().fill(T::zero());
+        }
+        self.batched = 0;
         for group in 0..grouped.groups() {
-            if !self.eliminate(grouped.group(group), size, damping) {
+            if !self.eliminate(grouped.group(group), damping) {
                 return false;
             }
+            if dense {
+                self.collect(!complete);
+                if self.batched == BATCH {
+                    self.subtract_batch(&mut factor);
+                }
+            } else {
+                self.scatter();
+            }
         }
-        let total = self.diagonal.iter().fold(T::zero(), |sum, d| sum + *d);
+        if self.batched > 0 {
+            self.subtract_batch(&mut factor);
+        }
+        let total = (0..size).fold(T::zero(), |sum, k| sum + self.conditional(k));
         let stiffness = total / T::lit(size as f64);
-        for direction in gauge {
-            for i in 0..size {
-                let scaled = direction[i] * stiffness;
-                let row = &mut self.matrix[i * size..=i * size + i];
-                for (cell, other) in row.iter_mut().zip(direction) {
-                    *cell += scaled * *other;
+        self.matrix
+            .gemm(stiffness, &gauge.transpose(), gauge, T::one());
+        let matrix = self.matrix.as_mut_slice();
+        for (k, block) in self.diagonal.iter().enumerate() {
+            for i in 0..K {
+                let start = (k * K + i) * size + k * K;
+                for (j, cell) in matrix[start..start + K].iter_mut().enumerate() {
+                    let grown = if i == j { damping } else { T::zero() };
+                    *cell += block[i][j] + block[i][j] * grown;
                 }
             }
         }
-        for i in 0..size {
-            self.matrix[i * size + i] += damping * self.diagonal[i];
-        }
-        cholesky::factorize(&mut self.matrix, size)
+        cholesky::factorize(self.matrix.as_mut_slice(), size)
     }
 
-    /// Takes one block out: adds its Schur complement to the reduced system.
-    fn eliminate(
-        &mut self,
-        group: impl Iterator<Item = Slot<T, E, K>>,
-        size: usize,
-        damping: T,
-    ) -> bool {
+    /// Information on one parameter that stays when all others are known.
+    fn conditional(&self, parameter: usize) -> T {
+        let k = parameter % K;
+        self.diagonal[parameter / K][k][k]
+    }
+
+    /// Factorises one block that goes and adds what does not couple the blocks that stay.
+    fn eliminate(&mut self, group: impl Iterator<Item = Slot<T, E, K>>, damping: T) -> bool {
         let mut hessian = [[T::zero(); E]; E];
         self.slots.clear();
         for slot in group {
@@ -186,7 +222,6 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
             return false;
         };
         self.blocks.push(block);
-
         let mut projected = [T::zero(); E];
         for (slot, whitened) in &mut self.slots {
             *whitened = block.forward(slot.gone);
@@ -194,48 +229,68 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
                 *sum += *z * slot.residual;
             }
         }
-        for row in &mut self.products {
-            row.clear();
-        }
         for (slot, whitened) in &self.slots {
             let left = slot.residual - dot(whitened, &projected);
             let start = slot.kept * K;
+            let block = &mut self.diagonal[slot.kept];
             for i in 0..K {
                 self.step[start + i] -= slot.stay[i] * left;
-                self.diagonal[start + i] += slot.stay[i] * slot.stay[i];
-                let row = &mut self.matrix[(start + i) * size..][start..start + K];
-                for (cell, other) in row.iter_mut().zip(&slot.stay) {
-                    *cell += slot.stay[i] * *other;
-                }
-            }
-            for (row, z) in self.products.iter_mut().zip(whitened) {
-                row.extend(slot.stay.map(|k| k * *z));
-            }
-        }
-        // Lower triangle of the outer product, row by row.
-        for a in 0..self.slots.len() {
-            let kept = self.slots[a].0.kept;
-            let first = self.slots[0].0.kept;
-            let width = (a + 1) * K;
-            for i in 0..K {
-                let factors: [T; E] = core::array::from_fn(|e| self.products[e][a * K + i]);
-                let row = &mut self.matrix[(kept * K + i) * size..][..(kept + 1) * K];
-                let products = self.products.each_ref().map(|row| &row[..width]);
-                if kept - first == a {
-                    // The blocks so far are neighbours: one run.
-                    subtract(&mut row[first * K..], &factors, products);
-                } else {
-                    for (b, (slot, _)) in self.slots[..=a].iter().enumerate() {
-                        subtract(
-                            &mut row[slot.kept * K..(slot.kept + 1) * K],
-                            &factors,
-                            products.map(|row| &row[b * K..(b + 1) * K]),
-                        );
-                    }
+                for j in 0..K {
+                    block[i][j] += slot.stay[i] * slot.stay[j];
                 }
             }
         }
         true
+    }
+
+    /// Puts the coupling of the group at work into the batch; `clear` when the group may leave gaps.
+    fn collect(&mut self, clear: bool) {
+        if clear && self.batched == 0 {
+            self.batch.as_mut_slice().fill(T::zero());
+            self.transposed.as_mut_slice().fill(T::zero());
+        }
+        let (size, height) = self.transposed.shape();
+        let batch = self.batch.as_mut_slice();
+        let transposed = self.transposed.as_mut_slice();
+        for (slot, whitened) in &self.slots {
+            for (i, k) in slot.stay.iter().enumerate() {
+                let parameter = slot.kept * K + i;
+                for (e, z) in whitened.iter().enumerate() {
+                    let row = self.batched * E + e;
+                    batch[parameter * height + row] = *k * *z;
+                    transposed[row * size + parameter] = *k * *z;
+                }
+            }
+        }
+        self.batched += 1;
+    }
+
+    /// Subtracts the coupling of the groups in the batch from `factor` times the matrix: one product.
+    fn subtract_batch(&mut self, factor: &mut T) {
+        let rows = self.batched * E;
+        self.matrix.gemm(
+            -T::one(),
+            &self.transposed.columns(0, rows),
+            &self.batch.rows(0, rows),
+            *factor,
+        );
+        *factor = T::one();
+        self.batched = 0;
+    }
+
+    /// Subtracts the coupling of the group at work, block by block: for groups that see little.
+    fn scatter(&mut self) {
+        for (a, (this, z)) in self.slots.iter().enumerate() {
+            for (other, y) in &self.slots[..=a] {
+                let product = dot(z, y);
+                for i in 0..K {
+                    for j in 0..K {
+                        self.matrix[(other.kept * K + j, this.kept * K + i)] -=
+                            product * this.stay[i] * other.stay[j];
+                    }
+                }
+            }
+        }
     }
 
     /// Solves for the step of the blocks that stay and, group by group, of those that went.
@@ -247,8 +302,7 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         kept: &mut Vec<SVector<T, K>>,
         gone: &mut Vec<SVector<T, E>>,
     ) -> T {
-        let size = self.step.len();
-        cholesky::solve(&self.matrix, size, &mut self.step);
+        cholesky::solve(self.matrix.as_slice(), &mut self.step);
         kept.clear();
         kept.extend(
             self.step
@@ -284,15 +338,14 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     /// standard deviation long when residuals have unit variance.
     ///
     /// Inverse iteration on the reduced matrix with its parameters in units of their conditional
-    /// standard deviations; needs [`Schur::factorize`] without damping. Also returns the eigenvalue:
-    /// 1 when nothing is lost to the blocks that went, 0 when the direction is free.
-    pub fn weakest_direction(&self) -> (Vec<T>, T) {
+    /// standard deviations; needs [`Schur::factorize`] without damping.
+    pub fn weakest_direction(&self) -> Vec<T> {
         let size = self.step.len();
-        let units: Vec<T> = self.diagonal.iter().map(|d| d.sqrt()).collect();
+        let units: Vec<T> = (0..size).map(|k| self.conditional(k).sqrt()).collect();
         let mut vector: Vec<T> = (0..size)
             .map(|k| T::lit(1.0 + 0.1 * ((7 * k + 3) % 11) as f64))
             .collect();
-        let mut eigenvalue = T::one();
+        let mut gain = T::one();
         for _ in 0..WEAKEST_STEPS {
             let norm = vector.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
             let mut next = vec![T::zero(); size];
@@ -300,33 +353,29 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
                 vector[k] /= norm;
                 next[k] = vector[k] * units[k];
             }
-            cholesky::solve(&self.matrix, size, &mut next);
-            let mut product = T::zero();
+            cholesky::solve(self.matrix.as_slice(), &mut next);
+            gain = T::zero();
             for k in 0..size {
                 next[k] *= units[k];
-                product += next[k] * vector[k];
+                gain += next[k] * vector[k];
             }
-            eigenvalue = T::one() / product;
             vector = next;
         }
         let norm = vector.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
-        let length = (T::one() / eigenvalue).max(T::zero()).sqrt() / norm;
+        let length = gain.max(T::zero()).sqrt() / norm;
         for (v, unit) in vector.iter_mut().zip(&units) {
             *v *= length / *unit;
         }
-        (vector, eigenvalue)
+        vector
     }
 }
 
 /// Steps of inverse iteration in [`Schur::weakest_direction`]; the size is wanted to a few percent.
 const WEAKEST_STEPS: usize = 6;
 
-/// `row -= sum_e factors[e] products[e]`.
-#[inline]
-fn subtract<T: Real, const E: usize>(row: &mut [T], factors: &[T; E], products: [&[T]; E]) {
-    for (factor, product) in factors.iter().zip(products) {
-        for (cell, p) in row.iter_mut().zip(product) {
-            *cell -= *factor * *p;
-        }
-    }
-}
+/// The coupling is formed by a matrix product when at least one in this many of all pairs of blocks
+/// meets in a sighting, and block by block otherwise.
+const DENSE_FILL: usize = 8;
+
+/// Groups that one matrix product takes.
+const BATCH: usize = 64;

@@ -152,6 +152,19 @@ impl<T: Real> CalibratedTensor<T> {
         (c - a - b) / (T::lit(2.0) * (a * b).sqrt())
     }
 
+    /// How far the data hold the motion: inversely proportional to its error for equal noise.
+    ///
+    /// The second smallest singular value per landmark bounds the error of the tensor; a flat triangle
+    /// of views multiplies it by its longest side over its height.
+    pub fn quality(&self) -> T {
+        let [la, lb, lc] = self.coefficients.map(|z| z.norm_sqr().sqrt());
+        let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
+        let longest = la.max(lb).max(lc);
+        // Heron's product is 16 times the squared area; height over side is 2 area / side^2.
+        let flatness = area.max(T::zero()).sqrt() * T::lit(0.5) / (longest * longest);
+        self.singular_values[1] * flatness
+    }
+
     /// Both motions, mirror images in their triangle of views, each modulo pi in every heading.
     ///
     /// A triangle that noise has broken is replaced by the nearest one, which is flat; both motions

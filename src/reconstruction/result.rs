@@ -26,9 +26,12 @@ pub struct Reconstruction<T: Real> {
     pub iterations: usize,
     /// Views and landmarks without an estimate, and why.
     pub undetermined: Vec<Undetermined>,
-    /// Predicted standard deviation of the map in the direction that the bearings hold least, over
-    /// the size of the map; infinite when the residuals leave nothing to judge the noise by and the
-    /// direction is free, NaN when it was not computed. Above 1 the map is not determined.
+    /// Predicted standard deviation of the map over its size, in the direction that the bearings hold
+    /// least, for residuals of one sigma; NaN when it was not computed.
+    pub sensitivity: f64,
+    /// The same for residuals as large as they are: [`Reconstruction::sensitivity`] times the root of
+    /// twice the cost per degree of freedom. Near and above 1 the bearings do not determine the map.
+    /// NaN when there are no degrees of freedom to judge the noise by.
     pub uncertainty: f64,
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
@@ -56,6 +59,7 @@ impl<T: Real> Reconstruction<T> {
             termination: report.termination,
             iterations: report.iterations,
             undetermined: report.undetermined,
+            sensitivity: f64::NAN,
             uncertainty: f64::NAN,
             alternatives: Vec::new(),
         }

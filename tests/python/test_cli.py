@@ -219,7 +219,7 @@ def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bearslam.cli.solve", interrupted)
+    monkeypatch.setattr("bearslam.cli.load", interrupted)
     assert main(["solve", str(scene)]) == 130
     assert capsys.readouterr().err == "bearslam: interrupted\n"
 
