@@ -12,7 +12,9 @@ mod triangulate;
 
 pub use calibrated::CalibratedTensor;
 pub use motion::Motion;
-pub use projective::{Epipoles, epipoles, intrinsic_homographies, projective_tensor};
+pub use projective::{
+    Epipoles, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
+};
 pub use resect::{Resection, resect};
 pub use tensor::TrifocalTensor;
 pub use three_view::{Method, ThreeView, three_view, trifocal_tensor};

@@ -13,6 +13,8 @@ mod error;
 mod estimation;
 mod geometry;
 mod kernels;
+#[cfg(feature = "python")]
+mod python;
 #[cfg(feature = "alloc")]
 mod reconstruction;
 mod scalar;

@@ -30,7 +30,7 @@ REPEATS = 25
 
 @dataclass(frozen=True)
 class Experiment:
-    """One of the experiments of section 4.1 of the paper, and the figure that shows it there."""
+    """One of the paper's two robot experiments, and the figure that shows it there."""
 
     name: str
     title: str

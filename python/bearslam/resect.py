@@ -40,7 +40,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.5 (the scan has lost the minus signs).
+    Dellaert and Stroupe, ICRA 2002 (the scan has lost the minus signs).
 
     Examples
     --------

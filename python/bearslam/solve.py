@@ -154,7 +154,7 @@ def initialize(
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.
+    Dellaert and Stroupe, ICRA 2002.
 
     Examples
     --------
@@ -213,7 +213,7 @@ def refine(
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.6.
+    Dellaert and Stroupe, ICRA 2002.
 
     Examples
     --------

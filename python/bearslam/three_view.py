@@ -85,8 +85,8 @@ def three_view(
 
     References
     ----------
-    F. Dellaert and A. Stroupe, "Linear 2D Localization and Mapping for Single and Multiple Robot Scenarios", ICRA 2002,
-    section 3. K. Astrom and M. Oskarsson, "Solutions and Ambiguities of the Structure and Motion Problem for 1D
+    F. Dellaert and A. Stroupe, "Linear 2D Localization and Mapping for Single and Multiple Robot Scenarios", ICRA 2002.
+    K. Astrom and M. Oskarsson, "Solutions and Ambiguities of the Structure and Motion Problem for 1D
     Retinal Vision", Journal of Mathematical Imaging and Vision 12(2), 2000, for five landmarks.
 
     Examples
@@ -143,7 +143,7 @@ def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrate
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.1.
+    Dellaert and Stroupe, ICRA 2002.
 
     Examples
     --------
@@ -183,7 +183,7 @@ def epipoles(tensor: ArrayLike) -> FloatArray:
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.2: the epipoles of the second view are the eigenvectors of M = L^-1 K, K
+    Dellaert and Stroupe, ICRA 2002: the epipoles of the second view are the eigenvectors of M = L^-1 K, K
     and L the intrinsic homographies of the tensor from the second view to the third.
 
     Examples

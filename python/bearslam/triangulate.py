@@ -34,7 +34,7 @@ def triangulate(poses: ArrayLike, bearings: ArrayLike) -> FloatArray:
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002, section 3.4.
+    Dellaert and Stroupe, ICRA 2002.
 
     Examples
     --------

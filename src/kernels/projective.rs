@@ -153,6 +153,23 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
     })
 }
 
+/// The epipoles of three real views.
+///
+/// # Errors
+/// As [`epipoles`], and [`Error::Degenerate`] with the discriminant when it is negative: noise has
+/// destroyed the geometry.
+pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Error> {
+    let found = epipoles(tensor)?;
+    if found.discriminant < T::zero() {
+        return Err(Error::Degenerate {
+            quantity: "discriminant of the epipoles (complex eigenvalues)",
+            value: found.discriminant.as_f64(),
+            bound: 0.0,
+        });
+    }
+    Ok(found)
+}
+
 /// Both motions from the epipoles, each modulo pi in every heading (section 3.3).
 ///
 /// # Errors

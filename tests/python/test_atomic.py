@@ -49,10 +49,15 @@ def test_mode_and_links_stay(tmp_path):
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 
 
-def test_devices_are_written_to_and_not_replaced():
-    with replacing(os.devnull) as file:
+def test_pipes_are_written_to_and_not_replaced(tmp_path):
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    reader = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    with replacing(path) as file:
         file.write(b"gone")
-    assert stat.S_ISCHR(os.stat(os.devnull).st_mode)
+    assert os.read(reader, 10) == b"gone"
+    os.close(reader)
+    assert stat.S_ISFIFO(path.stat().st_mode)
 
 
 def test_a_folder_is_an_error(tmp_path):

@@ -121,6 +121,13 @@ def test_what_is_written_is_read_again(views, landmarks, bearings, sigma):
         assert again.sightings.sigma.tolist() == sigma
 
 
+@pytest.mark.parametrize("name", ["#3", 'the "big" one', "left, right", "a#b", "nan", "é"])
+def test_names_that_look_like_something_else(name):
+    problem = Problem(Sightings([0], [0], [0.5]), [name], [name])
+    again = parse(render(problem).encode(), "again.csv")
+    assert again.view_ids == again.landmark_ids == (name,)
+
+
 def test_a_table_is_written_with_numbers_for_names(tmp_path):
     path = tmp_path / "table.csv"
     bearslam.save([[0.25, np.nan], [-0.5, 7.0]], path)

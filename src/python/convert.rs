@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Arrays and errors across the border.
+
+use crate::{Bearing, Error, Map, Pose, Problem, Sighting, Triple};
+use alloc::string::String;
+use alloc::vec::Vec;
+use nalgebra::{Point2, UnitComplex};
+use numpy::{PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::format;
+
+pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
+pub type Indices<'py> = PyReadonlyArrayDyn<'py, i64>;
+
+/// An exception of `bearslam.errors`, made there: its classes live in Python.
+fn raise(py: Python<'_>, class: &str, message: &str, details: Option<&Bound<'_, PyDict>>) -> PyErr {
+    let made = py
+        .import("bearslam.errors")
+        .and_then(|module| module.getattr(class))
+        .and_then(|class| class.call((message,), details));
+    match made {
+        Ok(exception) => PyErr::from_value(exception),
+        Err(error) => error,
+    }
+}
+
+pub fn invalid(py: Python<'_>, message: &str) -> PyErr {
+    raise(py, "InvalidInputError", message, None)
+}
+
+pub fn error(py: Python<'_>, error: Error) -> PyErr {
+    let message = format!("{error}");
+    if let Error::Degenerate {
+        quantity,
+        value,
+        bound,
+    } = error
+    {
+        let details = PyDict::new(py);
+        let filled = details
+            .set_item("quantity", quantity)
+            .and_then(|()| details.set_item("value", value))
+            .and_then(|()| details.set_item("bound", bound));
+        match filled {
+            Ok(()) => raise(py, "DegenerateError", &message, Some(&details)),
+            Err(error) => error,
+        }
+    } else {
+        invalid(py, &message)
+    }
+}
+
+/// The entries in C order, after a check of the shape (`None` stands for any length).
+fn entries(
+    py: Python<'_>,
+    name: &str,
+    array: &Floats<'_>,
+    shape: &[Option<usize>],
+) -> PyResult<Vec<f64>> {
+    let got = array.shape();
+    let fits = got.len() == shape.len()
+        && got
+            .iter()
+            .zip(shape)
+            .all(|(got, want)| want.is_none_or(|want| want == *got));
+    if !fits {
+        let wanted: Vec<String> = shape
+            .iter()
+            .map(|want| want.map_or_else(|| "any".into(), |want| format!("{want}")))
+            .collect();
+        return Err(invalid(
+            py,
+            &format!(
+                "{name}: expected an array of shape ({}), got {got:?}",
+                wanted.join(", ")
+            ),
+        ));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// Entries that are all finite.
+pub fn finite(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+    shape: &[Option<usize>],
+) -> PyResult<Vec<f64>> {
+    let entries = entries(py, name, array, shape)?;
+    match entries.iter().position(|value| !value.is_finite()) {
+        None => Ok(entries),
+        Some(index) => Err(error(py, Error::NotFinite { what: name, index })),
+    }
+}
+
+/// Entries that are finite or NaN.
+fn finite_or_missing(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+    shape: &[Option<usize>],
+) -> PyResult<Vec<f64>> {
+    let entries = entries(py, name, array, shape)?;
+    match entries.iter().position(|value| value.is_infinite()) {
+        None => Ok(entries),
+        Some(index) => Err(error(py, Error::NotFinite { what: name, index })),
+    }
+}
+
+/// A table of bearings with a given number of rows, and the number of its columns.
+pub fn table(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+    rows: usize,
+) -> PyResult<(Vec<f64>, usize)> {
+    let entries = finite_or_missing(py, name, array, &[Some(rows), None])?;
+    Ok((entries, array.shape()[1]))
+}
+
+/// A vector with NaN for what is missing.
+pub fn vector(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+    length: Option<usize>,
+) -> PyResult<(Vec<f64>, usize)> {
+    let entries = finite_or_missing(py, name, array, &[length])?;
+    let length = entries.len();
+    Ok((entries, length))
+}
+
+/// The columns of a (3, n) array of bearings.
+pub fn triples(py: Python<'_>, array: &Floats<'_>) -> PyResult<Vec<Triple<f64>>> {
+    let entries = finite(py, "bearings", array, &[Some(3), None])?;
+    let count = array.shape()[1];
+    Ok((0..count)
+        .map(|k| [0, 1, 2].map(|view| Bearing::new(entries[view * count + k])))
+        .collect())
+}
+
+pub fn finite_points(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+) -> PyResult<Vec<Point2<f64>>> {
+    let entries = finite(py, name, array, &[None, Some(2)])?;
+    Ok(entries
+        .chunks_exact(2)
+        .map(|p| Point2::new(p[0], p[1]))
+        .collect())
+}
+
+pub fn finite_poses(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+) -> PyResult<Vec<Pose<f64>>> {
+    let entries = finite(py, name, array, &[None, Some(3)])?;
+    Ok(entries
+        .chunks_exact(3)
+        .map(|p| crate::pose(p[0], p[1], p[2]))
+        .collect())
+}
+
+/// A start for the refinement: rows with NaN are undetermined.
+pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<Map<f64>> {
+    let poses = finite_or_missing(py, "poses", poses, &[None, Some(3)])?;
+    let points = finite_or_missing(py, "landmarks", points, &[None, Some(2)])?;
+    let known = |row: &[f64]| row.iter().all(|value| value.is_finite());
+    Ok(Map {
+        poses: poses
+            .chunks_exact(3)
+            .map(|p| known(p).then(|| crate::pose(p[0], p[1], p[2])))
+            .collect(),
+        landmarks: points
+            .chunks_exact(2)
+            .map(|p| known(p).then(|| Point2::new(p[0], p[1])))
+            .collect(),
+    })
+}
+
+pub fn problem(
+    py: Python<'_>,
+    views: usize,
+    landmarks: usize,
+    view: &Indices<'_>,
+    landmark: &Indices<'_>,
+    bearing: &Floats<'_>,
+    sigma: &Floats<'_>,
+) -> PyResult<Problem<f64>> {
+    let bearing = entries(py, "bearing", bearing, &[None])?;
+    let sigma = entries(py, "sigma", sigma, &[Some(bearing.len())])?;
+    let index = |name: &str, array: &Indices<'_>| -> PyResult<Vec<usize>> {
+        if array.shape() != [bearing.len()] {
+            return Err(invalid(
+                py,
+                &format!(
+                    "{name}: expected an array of shape ({}), got {:?}",
+                    bearing.len(),
+                    array.shape()
+                ),
+            ));
+        }
+        array
+            .as_array()
+            .iter()
+            .enumerate()
+            .map(|(place, &value)| {
+                usize::try_from(value).map_err(|_| {
+                    invalid(
+                        py,
+                        &format!("{name}: expected indices from 0, got {value} at index {place}"),
+                    )
+                })
+            })
+            .collect()
+    };
+    let view = index("view", view)?;
+    let landmark = index("landmark", landmark)?;
+    let sightings: Vec<Sighting<f64>> = view
+        .iter()
+        .zip(&landmark)
+        .zip(bearing.iter().zip(&sigma))
+        .map(|((&view, &landmark), (&bearing, &sigma))| Sighting {
+            view,
+            landmark,
+            bearing,
+            sigma,
+        })
+        .collect();
+    py.detach(|| Problem::new(views, landmarks, &sightings))
+        .map_err(|problem| error(py, problem))
+}
+
+/// The angle of a rotation in (-pi, pi].
+pub fn angle(rotation: &UnitComplex<f64>) -> f64 {
+    let angle = rotation.angle();
+    if angle == -core::f64::consts::PI {
+        core::f64::consts::PI
+    } else {
+        angle
+    }
+}
+
+/// `(x, y, theta)`.
+pub fn triplet(pose: &Pose<f64>) -> [f64; 3] {
+    [
+        pose.translation.x,
+        pose.translation.y,
+        angle(&pose.rotation),
+    ]
+}
+
+pub fn poses<'py, 'a>(
+    py: Python<'py>,
+    poses: impl ExactSizeIterator<Item = Option<&'a Pose<f64>>>,
+) -> Bound<'py, PyArray2<f64>> {
+    let count = poses.len();
+    let flat = poses
+        .flat_map(|pose| pose.map_or([f64::NAN; 3], triplet))
+        .collect();
+    array2(py, flat, [count, 3])
+}
+
+pub fn points<'py>(py: Python<'py>, points: &[Option<Point2<f64>>]) -> Bound<'py, PyArray2<f64>> {
+    let flat = points
+        .iter()
+        .flat_map(|point| point.map_or([f64::NAN; 2], |p| [p.x, p.y]))
+        .collect();
+    array2(py, flat, [points.len(), 2])
+}
+
+/// A C-ordered array from its entries, as many as the shape says.
+pub fn array2(py: Python<'_>, flat: Vec<f64>, shape: [usize; 2]) -> Bound<'_, PyArray2<f64>> {
+    let array = PyArray2::zeros(py, shape, false);
+    if let Ok(mut view) = array.try_readwrite() {
+        for (cell, value) in view.as_array_mut().iter_mut().zip(flat) {
+            *cell = value;
+        }
+    }
+    array
+}
+
+pub fn array3<'py>(
+    py: Python<'py>,
+    flat: &[f64],
+    shape: [usize; 3],
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    numpy::PyArray1::from_slice(py, flat).reshape(shape)
+}
