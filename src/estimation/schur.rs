@@ -47,7 +47,7 @@ pub struct Schur<T: Real, const E: usize, const K: usize> {
     diagonal: Vec<[[T; K]; K]>,
     /// Factors of the blocks that went.
     blocks: Vec<Block<T, E>>,
-    /// The sightings of the group at work, each with `L^-1 gone`.
+    /// The sightings of the group at work, each with `L^-1 gone`: for groups that see little.
     slots: Vec<(Slot<T, E, K>, [T; E])>,
     /// Of some groups: `L^-1 gone` times `stay`, a column per parameter that stays, `E` rows per group.
     batch: DMatrix<T>,
@@ -57,13 +57,37 @@ pub struct Schur<T: Real, const E: usize, const K: usize> {
     batched: usize,
 }
 
-/// Cholesky factor of a damped block, diagonal inverted.
+/// A damped block that goes.
 #[derive(Clone, Copy)]
 struct Block<T: Real, const E: usize> {
+    /// Its Cholesky factor L, diagonal inverted.
     factor: [[T; E]; E],
+    /// `L^-1` times its gradient.
+    residual: [T; E],
 }
 
 impl<T: Real, const E: usize> Block<T, E> {
+    /// The block of a group; `None` when it is singular.
+    #[inline]
+    fn of_group<const K: usize>(
+        group: impl Iterator<Item = Slot<T, E, K>>,
+        damping: T,
+    ) -> Option<Self> {
+        let mut hessian = [[T::zero(); E]; E];
+        let mut gradient = [T::zero(); E];
+        for slot in group {
+            for i in 0..E {
+                gradient[i] += slot.gone[i] * slot.residual;
+                for j in 0..=i {
+                    hessian[i][j] += slot.gone[i] * slot.gone[j];
+                }
+            }
+        }
+        let mut block = Self::new(&hessian, damping)?;
+        block.residual = block.forward(gradient);
+        Some(block)
+    }
+
     /// Factor of `matrix` (lower triangle) with its diagonal grown by `1 + damping`.
     fn new(matrix: &[[T; E]; E], damping: T) -> Option<Self> {
         let mut factor = *matrix;
@@ -85,7 +109,10 @@ impl<T: Real, const E: usize> Block<T, E> {
             }
             factor[i][i] = T::one() / factor[i][i].sqrt();
         }
-        Some(Self { factor })
+        Some(Self {
+            factor,
+            residual: [T::zero(); E],
+        })
     }
 
     /// `L^-1 x`.
@@ -168,17 +195,18 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         }
         self.batched = 0;
         for group in 0..grouped.groups() {
-            if !self.eliminate(grouped.group(group), damping) {
+            let Some(block) = Block::of_group(grouped.group(group), damping) else {
                 return false;
-            }
+            };
             if dense {
-                self.collect(!complete);
+                self.collect(&block, grouped.group(group), !complete);
                 if self.batched == BATCH {
                     self.subtract_batch(&mut factor);
                 }
             } else {
-                self.scatter();
+                self.scatter(&block, grouped.group(group));
             }
+            self.blocks.push(block);
         }
         if self.batched > 0 {
             self.subtract_batch(&mut factor);
@@ -206,60 +234,46 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         self.diagonal[parameter / K][k][k]
     }
 
-    /// Factorises one block that goes and adds what does not couple the blocks that stay.
-    fn eliminate(&mut self, group: impl Iterator<Item = Slot<T, E, K>>, damping: T) -> bool {
-        let mut hessian = [[T::zero(); E]; E];
-        self.slots.clear();
-        for slot in group {
-            for i in 0..E {
-                for j in 0..=i {
-                    hessian[i][j] += slot.gone[i] * slot.gone[j];
-                }
-            }
-            self.slots.push((slot, slot.gone));
-        }
-        let Some(block) = Block::new(&hessian, damping) else {
-            return false;
-        };
-        self.blocks.push(block);
-        let mut projected = [T::zero(); E];
-        for (slot, whitened) in &mut self.slots {
-            *whitened = block.forward(slot.gone);
-            for (sum, z) in projected.iter_mut().zip(whitened.iter()) {
-                *sum += *z * slot.residual;
+    /// What a sighting tells about its block that stays, apart from the coupling with others.
+    #[inline]
+    fn add(&mut self, slot: &Slot<T, E, K>, block: &Block<T, E>, whitened: &[T; E]) {
+        let left = slot.residual - dot(whitened, &block.residual);
+        let step = &mut self.step[slot.kept * K..slot.kept * K + K];
+        let diagonal = &mut self.diagonal[slot.kept];
+        for i in 0..K {
+            step[i] -= slot.stay[i] * left;
+            for j in 0..K {
+                diagonal[i][j] += slot.stay[i] * slot.stay[j];
             }
         }
-        for (slot, whitened) in &self.slots {
-            let left = slot.residual - dot(whitened, &projected);
-            let start = slot.kept * K;
-            let block = &mut self.diagonal[slot.kept];
-            for i in 0..K {
-                self.step[start + i] -= slot.stay[i] * left;
-                for j in 0..K {
-                    block[i][j] += slot.stay[i] * slot.stay[j];
-                }
-            }
-        }
-        true
     }
 
-    /// Puts the coupling of the group at work into the batch; `clear` when the group may leave gaps.
-    fn collect(&mut self, clear: bool) {
+    /// Takes a group out and puts its coupling into the batch; `clear` when groups may leave gaps.
+    fn collect(
+        &mut self,
+        block: &Block<T, E>,
+        group: impl Iterator<Item = Slot<T, E, K>>,
+        clear: bool,
+    ) {
         if clear && self.batched == 0 {
             self.batch.as_mut_slice().fill(T::zero());
             self.transposed.as_mut_slice().fill(T::zero());
         }
         let (size, height) = self.transposed.shape();
-        let batch = self.batch.as_mut_slice();
-        let transposed = self.transposed.as_mut_slice();
-        for (slot, whitened) in &self.slots {
-            for (i, k) in slot.stay.iter().enumerate() {
-                let parameter = slot.kept * K + i;
-                for (e, z) in whitened.iter().enumerate() {
-                    let row = self.batched * E + e;
-                    batch[parameter * height + row] = *k * *z;
-                    transposed[row * size + parameter] = *k * *z;
-                }
+        let row = self.batched * E;
+        for slot in group {
+            let whitened = block.forward(slot.gone);
+            self.add(&slot, block, &whitened);
+            let parameter = slot.kept * K;
+            let products = slot.stay.map(|k| whitened.map(|z| k * z));
+            for (i, products) in products.iter().enumerate() {
+                let place = (parameter + i) * height + row;
+                self.batch.as_mut_slice()[place..place + E].copy_from_slice(products);
+            }
+            for e in 0..E {
+                let place = (row + e) * size + parameter;
+                self.transposed.as_mut_slice()[place..place + K]
+                    .copy_from_slice(&products.map(|products| products[e]));
             }
         }
         self.batched += 1;
@@ -278,8 +292,14 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         self.batched = 0;
     }
 
-    /// Subtracts the coupling of the group at work, block by block: for groups that see little.
-    fn scatter(&mut self) {
+    /// Takes a group out block by block: for groups that see little.
+    fn scatter(&mut self, block: &Block<T, E>, group: impl Iterator<Item = Slot<T, E, K>>) {
+        self.slots.clear();
+        for slot in group {
+            let whitened = block.forward(slot.gone);
+            self.add(&slot, block, &whitened);
+            self.slots.push((slot, whitened));
+        }
         for (a, (this, z)) in self.slots.iter().enumerate() {
             for (other, y) in &self.slots[..=a] {
                 let product = dot(z, y);
@@ -313,25 +333,28 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         let mut model = T::zero();
         for group in 0..grouped.groups() {
             let mut gradient = [T::zero(); E];
-            self.slots.clear();
-            for mut slot in grouped.group(group) {
-                for i in 0..K {
-                    slot.residual += slot.stay[i] * self.step[slot.kept * K + i];
-                }
+            for slot in grouped.group(group) {
+                let residual = self.after_step(&slot);
                 for i in 0..E {
-                    gradient[i] -= slot.gone[i] * slot.residual;
+                    gradient[i] -= slot.gone[i] * residual;
                 }
-                self.slots.push((slot, slot.gone));
             }
             let block = &self.blocks[group];
             let step = block.backward(block.forward(gradient));
-            for (slot, _) in &self.slots {
-                let residual = slot.residual + dot(&slot.gone, &step);
+            for slot in grouped.group(group) {
+                let residual = self.after_step(&slot) + dot(&slot.gone, &step);
                 model += residual * residual;
             }
             gone.push(SVector::from(step));
         }
         model * T::lit(0.5)
+    }
+
+    /// The residual after the step of the blocks that stay.
+    #[inline]
+    fn after_step(&self, slot: &Slot<T, E, K>) -> T {
+        let step = &self.step[slot.kept * K..slot.kept * K + K];
+        (0..K).fold(slot.residual, |sum, i| sum + slot.stay[i] * step[i])
     }
 
     /// The direction of the blocks that stay in which the data hold them least, as a displacement one

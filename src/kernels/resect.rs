@@ -14,21 +14,22 @@ pub struct Resection<T: Real> {
     pub pose: Pose<T>,
     /// How many bearings point away from their landmark (cheirality).
     pub behind: usize,
-    /// Smallest singular value of the normalised system over the square root of the number of
-    /// landmarks: how badly the bearings fit.
+    /// Root mean square of the sines of the angular errors: how badly the bearings fit.
     pub misfit: T,
-    /// The second smallest in the same units. One that is no larger than the misfit says that the
-    /// pose is undetermined: view and landmarks on one circle.
+    /// The same for the worst rotation of the map. One that is no larger than the misfit says that
+    /// the pose is undetermined: view and landmarks on one circle.
     pub gap: T,
 }
 
 /// The pose from which three or more known landmarks are seen at the measured bearings.
 ///
 /// With the position of a landmark as a complex number x, the bearing `a` from the pose `(p, theta)`
-/// obeys `Im(e^{-ia} (w x + tau)) = 0`, `w = e^{-i theta}`, `tau = -w p`: one linear row in four
-/// unknowns. Null vector, then the scale that `|w| = 1` sets, then the sign that puts most
-/// landmarks ahead. The landmarks are centred and scaled first; rows are divided by the range of a
-/// first solution.
+/// obeys `Im(e^{-ia} (w x + tau)) = 0`, `w = e^{-i theta}`, `tau = -w p`, (T11): one linear row in
+/// four unknowns. An orthogonal triangularisation eliminates tau and leaves a 2x2 problem for w of
+/// unit length, solved in closed form; then the sign that puts most landmarks ahead. (The paper takes
+/// the null vector of all four unknowns and scales it afterwards; with w alone held to unit length
+/// the answer does not depend on the origin.) The landmarks are centred and scaled first; rows are
+/// divided by the range of a first solution.
 ///
 /// `sightings` yields a landmark and its bearing; it is run through a few times.
 ///
@@ -88,28 +89,22 @@ where
     let scale = T::one() / spread;
     let normalized = sightings.map(|(point, bearing)| ((point - centre) * scale, bearing));
 
-    let first = Line::estimate(normalized.clone(), |_| T::one());
+    let first = Line::estimate(normalized.clone(), |_| T::one())?;
     let line = Line::estimate(normalized.clone(), |point| {
         T::one() / (first.seen(point).norm_sqr() + T::eps()).sqrt()
-    });
+    })?;
     let root = number.sqrt();
     let (misfit, gap) = (
         line.singular_values[0] / root,
         line.singular_values[1] / root,
     );
-    let bound = T::eps() * T::lit(16.0);
-    let norm = line.rotation.norm_sqr().sqrt();
-    for (quantity, value) in [
-        ("second smallest singular value of the resection", gap),
-        ("scale of the resection", norm),
-    ] {
-        if !(value > bound) {
-            return Err(Error::Degenerate {
-                quantity,
-                value: value.as_f64(),
-                bound: bound.as_f64(),
-            });
-        }
+    let bound = T::eps() * T::lit(64.0);
+    if !(gap > bound) {
+        return Err(Error::Degenerate {
+            quantity: "misfit of the worst rotation in the resection",
+            value: gap.as_f64(),
+            bound: bound.as_f64(),
+        });
     }
     let away = normalized
         .filter(|(point, bearing)| (bearing.conj() * line.seen(*point)).re < T::zero())
@@ -119,11 +114,11 @@ where
     } else {
         (T::one(), away)
     };
-    let position = centre - line.offset / line.rotation * spread;
+    let position = centre - line.offset * line.rotation.conj() * spread;
     Ok(Resection {
         pose: Pose::from_parts(
             Translation2::new(position.re, position.im),
-            UnitComplex::new_unchecked(line.rotation.conj() * (sign / norm)),
+            UnitComplex::new_unchecked(line.rotation.conj() * sign),
         ),
         behind,
         misfit,
@@ -131,7 +126,7 @@ where
     })
 }
 
-/// A similarity `x -> w x + tau` into the frame of the view, up to scale and sign.
+/// A motion `x -> w x + tau` into the frame of the view, up to sign.
 struct Line<T: Real> {
     rotation: Complex<T>,
     offset: Complex<T>,
@@ -142,25 +137,55 @@ impl<T: Real> Line<T> {
     fn estimate(
         sightings: impl Iterator<Item = (Complex<T>, Complex<T>)>,
         weight: impl Fn(Complex<T>) -> T,
-    ) -> Self {
+    ) -> Result<Self, Error> {
         let mut factor = TriangularFactor::<T, 4>::new();
         for (point, bearing) in sightings {
             let weight = weight(point);
             let (c, s) = (bearing.re * weight, bearing.im * weight);
             factor.push([
-                c * point.im - s * point.re,
-                c * point.re + s * point.im,
                 -s,
                 c,
+                c * point.im - s * point.re,
+                c * point.re + s * point.im,
             ]);
         }
-        let null = factor.null_space();
-        let v = &null.vectors[0];
-        Self {
-            rotation: Complex::new(v[0], v[1]),
-            offset: Complex::new(v[2], v[3]),
-            singular_values: null.singular_values,
+        let [[a, b, p0, p1], [_, d, q0, q1], [_, _, e, f], [_, _, _, g]] = *factor.rows();
+        let bound = T::eps() * T::lit(64.0);
+        let smaller = a.abs().min(d.abs());
+        if !(smaller > bound * a.abs().max(d.abs())) {
+            return Err(Error::Degenerate {
+                quantity: "spread of the bearings",
+                value: smaller.as_f64(),
+                bound: (bound * a.abs().max(d.abs())).as_f64(),
+            });
         }
+        // Right singular vectors of [[e, f], [0, g]]: a rotation by half the angle of its double.
+        let double = Complex::new(e * e - f * f - g * g, T::lit(2.0) * e * f);
+        let length = double.norm_sqr().sqrt();
+        let cosine = if length > T::zero() {
+            double.re / length
+        } else {
+            T::one()
+        };
+        let half = T::lit(0.5);
+        let (cos, sin) = (
+            ((T::one() + cosine) * half).max(T::zero()).sqrt(),
+            ((T::one() - cosine) * half).max(T::zero()).sqrt(),
+        );
+        let sin = if double.im < T::zero() { -sin } else { sin };
+        // (cos, sin) is where the matrix stretches most; w is at right angles to it.
+        let (w0, w1) = (-sin, cos);
+        let norm = |x: T, y: T| (x * x + y * y).sqrt();
+        let tau1 = -(q0 * w0 + q1 * w1) / d;
+        let tau0 = -(p0 * w0 + p1 * w1 + b * tau1) / a;
+        Ok(Self {
+            rotation: Complex::new(w0, w1),
+            offset: Complex::new(tau0, tau1),
+            singular_values: [
+                norm(e * w0 + f * w1, g * w1),
+                norm(e * cos + f * sin, g * sin),
+            ],
+        })
     }
 
     fn seen(&self, point: Complex<T>) -> Complex<T> {

@@ -166,7 +166,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
 
 /// Squared movement, in units of rounding, of a vector that stands still. The next step would move
 /// it by the square of the ratio of singular values less: far below any noise that is there.
-const STANDS_STILL: f64 = 1e-4;
+const STANDS_STILL: f64 = 0.1;
 
 /// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
 /// which any member is as good as another.
