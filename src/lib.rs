@@ -1,13 +1,51 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
+//! Planar structure and motion from **bearings alone**.
+//!
+//! Robots, theodolites, direction finders or 1D cameras measure only the angles at which they see
+//! landmarks. This crate returns all poses and landmarks, up to a similarity of the plane, with no
+//! odometry and no initial guess.
+//!
+//! ```
+//! use bearslam::{Arena, Layout, Problem, SolveOptions, simulate, solve};
+//!
+//! let scene = simulate(Layout::Mixed, 4, 9, 0.5_f64.to_radians(), 7, Arena::default())?;
+//! let problem = Problem::dense(4, 9, &scene.bearings, 1.0)?;
+//! let found = solve(&problem, &SolveOptions::default(), None)?;
+//! assert!(found.rms < 1.0_f64.to_radians());
+//! # Ok::<(), bearslam::Error>(())
+//! ```
+//!
+//! # Layers
+//! Each layer uses only those above it.
+//!
+//! | module | what | needs |
+//! |---|---|---|
+//! | `geometry` | bearings, poses, similarities | `core` |
+//! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
+//! | `estimation` | problems, residuals, Levenberg-Marquardt | `alloc` |
+//! | `reconstruction` | maps of many views from nothing | `alloc` |
+//! | `simulate` | random scenes | `alloc` |
+//! | `batch` | many problems over all cores | `rayon` |
+//! | `python` | the extension module of the Python package | `python` |
+//!
+//! # Conventions
+//! Angles are radians, counter-clockwise. A pose maps the frame of the view to the map frame; a
+//! bearing is measured in the frame of the view from its heading. Everything is generic over `f32`
+//! and `f64`.
 #![no_std]
-#![deny(unsafe_code)]
-#![warn(missing_docs)]
+#![warn(
+    clippy::std_instead_of_core,
+    clippy::std_instead_of_alloc,
+    clippy::alloc_instead_of_core
+)]
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+#[cfg(feature = "rayon")]
+mod batch;
 mod error;
 #[cfg(feature = "alloc")]
 mod estimation;
@@ -21,6 +59,8 @@ mod scalar;
 #[cfg(feature = "alloc")]
 mod simulate;
 
+#[cfg(feature = "rayon")]
+pub use batch::solve_batch;
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{
@@ -36,3 +76,8 @@ pub use reconstruction::{
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
 pub use simulate::{Arena, Layout, Scene, simulate};
+
+/// The examples of the README run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

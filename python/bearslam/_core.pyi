@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The compiled core: functions on arrays. The package wraps each of them once; call the package."""
 
-from collections.abc import Callable, Sequence
-from typing import Final, TypedDict
+from collections.abc import Callable
+from typing import Final, TypedDict, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ _Index = NDArray[np.int64]
 
 __version__: Final[str]
 
+@type_check_only
 class RawThreeView(TypedDict):
     poses: _Float
     landmarks: _Float
@@ -19,12 +20,15 @@ class RawThreeView(TypedDict):
     cost: float
     near_collinear: bool
 
+@type_check_only
 class RawReconstruction(TypedDict):
     poses: _Float
     landmarks: _Float
     residuals: _Float
     cost: float
     rms: float
+    sensitivity: float
+    uncertainty: float
     converged: bool
     termination: str
     iterations: int
@@ -46,6 +50,7 @@ def initialize(
     *,
     method: str,
     triples: int,
+    grown: int,
     seed: int,
     progress: Callable[[str, int, int], object] | None,
 ) -> list[RawReconstruction]: ...
@@ -59,6 +64,7 @@ def solve(
     *,
     method: str,
     triples: int,
+    grown: int,
     candidates: int,
     max_iterations: int,
     damping: float,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import io
 import math
 import os
 import sys
@@ -17,7 +18,7 @@ from bearslam.errors import BearslamError, InvalidInputError
 from bearslam.files import MAPS, kind, load, save, save_truth
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
-from bearslam.report import describe, listing
+from bearslam.report import describe, listing, percent, printable
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
 from bearslam.solve import METHODS, solve
@@ -40,14 +41,18 @@ that start with # are comments.
 
 TUNING = {
     "method": (None, "how to find a start"),
-    "triples": ("N", "triples of views to try"),
-    "candidates": ("N", "starts to refine"),
+    "triples": ("N", "triples of views whose tensor is estimated"),
+    "grown": ("N", "of these, the best conditioned that are grown to maps"),
+    "candidates": ("N", "of these, most that are refined"),
     "max_iterations": ("N", "steps of one refinement at most"),
     "damping": ("X", "first damping; 0 is Gauss-Newton"),
     "tolerance": ("X", "relative fall of the cost that ends a refinement"),
     "seed": ("N", "of the choice of triples"),
 }
 """Options of `solve` that are options of the command as well: placeholder and help."""
+
+DOUBTFUL = 0.5
+"""Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -57,10 +62,14 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code: 0, 1 after an error, 2 for wrong usage."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names may have letters that a terminal has not
     options = _parser().parse_args(arguments)
     try:
         options.run(options)
-        sys.stdout.flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except BrokenPipeError:
         # Whoever reads has read enough. Python would complain once more when it closes the stream.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -70,14 +79,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         where = "" if error.filename is None else f"{error.filename}: "
         return _complain(f"error: {where}{error.strerror or error}")
+    except MemoryError:
+        return _complain("error: not enough memory")
     except (BearslamError, ImportError) as error:
         return _complain(f"error: {error}")
     return 0
 
 
 def _complain(message: str, code: int = 1) -> int:
-    line = " ".join(message.split())
-    print(f"bearslam: {line}", file=sys.stderr)
+    print(f"bearslam: {printable(message, 1000)}", file=sys.stderr)
     return code
 
 
@@ -159,7 +169,14 @@ def _solve(options: argparse.Namespace) -> None:
         from bearslam.plot import FORMATS, draw_to_file
 
         _writable(options.plot, FORMATS)
-    problem = load(sys.stdin.buffer if options.file == "-" else options.file)
+    if options.output is not None and _same(options.output, options.file):
+        raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
+    if options.file != "-":
+        problem = load(options.file)
+    elif sys.stdin is not None:
+        problem = load(sys.stdin.buffer)
+    else:
+        raise InvalidInputError("-: standard input is closed")
     with ProgressLine() as progress:
         result = solve(
             problem,
@@ -176,11 +193,18 @@ def _solve(options: argparse.Namespace) -> None:
         print("", listing(result), sep="\n")
     if not result.converged:
         _complain(f"warning: not converged ({result.termination.replace('_', ' ')})")
+    if result.uncertainty > DOUBTFUL:
+        _complain(
+            "warning: the bearings hardly determine this map: for residuals as large as these it is uncertain by "
+            f"{percent(result.uncertainty)} of its size; add sightings, of other landmarks or from other places"
+        )
 
 
 def _simulate(options: argparse.Namespace) -> None:
     _writable(options.output, (".csv",))
     _writable(options.truth, MAPS)
+    if options.output is not None and options.truth is not None and _same(options.output, options.truth):
+        raise InvalidInputError(f"{options.truth}: bearings and truth would replace each other")
     scene = simulate(
         options.layout,
         options.views,
@@ -212,6 +236,10 @@ def _sigma(problem: Problem, sigma_deg: float) -> float:
     if not 0 < sigma_deg < math.inf:
         raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {sigma_deg:g}")
     return math.radians(sigma_deg)
+
+
+def _same(one: str, other: str) -> bool:
+    return os.path.realpath(one) == os.path.realpath(other)
 
 
 def _writable(path: str | None, suffixes: Sequence[str]) -> None:

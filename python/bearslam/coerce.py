@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import operator
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, SupportsFloat, SupportsIndex, TypeAlias
 
@@ -13,7 +14,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from bearslam.errors import InvalidInputError
 
-__all__ = ["FloatArray", "IntArray", "Progress", "choice", "floats", "indices", "observer", "plain", "real", "whole"]
+__all__ = [
+    "FloatArray",
+    "IntArray",
+    "Progress",
+    "choice",
+    "floats",
+    "indices",
+    "observer",
+    "plain",
+    "quote",
+    "real",
+    "whole",
+]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
@@ -72,41 +85,59 @@ def indices(name: str, value: ArrayLike) -> IntArray:
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
+def quote(value: object) -> str:
+    """What came, as Python writes it, cut where it is long."""
+    text = repr(value)
+    return text if len(text) <= 100 else f"{text[:80]}... ({len(text)} characters)"
+
+
 def whole(name: str, value: SupportsIndex, low: int) -> int:
     """Integer from `low` to the largest that every 64-bit integer can hold."""
     try:
         number = operator.index(value)
     except TypeError:
-        raise InvalidInputError(f"{name}: expected an integer, got {value!r}") from None
+        raise InvalidInputError(f"{name}: expected an integer, got {quote(value)}") from None
     high = 2**63 - 1
     if isinstance(value, bool | np.bool_) or not low <= number <= high:
-        raise InvalidInputError(f"{name}: expected an integer from {low} to {high}, got {value!r}")
+        raise InvalidInputError(f"{name}: expected an integer from {low} to {high}, got {quote(value)}")
     return number
 
 
-def real(name: str, value: SupportsFloat, low: float, *, above: bool = False, infinite: bool = False) -> float:
-    """Real number that is at least (with `above`, more than) `low`; infinity only where it is allowed."""
-    wanted = f"a number {'above' if above else 'of at least'} {low:g}{', or infinity' if infinite else ''}"
+def real(
+    name: str,
+    value: SupportsFloat,
+    low: float,
+    high: float = sys.float_info.max,
+    *,
+    above: bool = False,
+    infinite: bool = False,
+) -> float:
+    """Real number that is at least (with `above`, more than) `low` and at most `high`, or infinite where allowed."""
+    wanted = f"a number {'above' if above else 'of at least'} {low:g}"
+    if high < sys.float_info.max:
+        wanted += f" and at most {high:g}"
+    if infinite:
+        wanted += ", or infinity"
     try:
         number = math.nan if isinstance(value, str | bytes | bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if not (low < number if above else low <= number) or (math.isinf(number) and not infinite):
-        raise InvalidInputError(f"{name}: expected {wanted}, got {value!r}")
+    if not (low < number if above else low <= number) or not (number <= high or (infinite and math.isinf(number))):
+        raise InvalidInputError(f"{name}: expected {wanted}, got {quote(value)}")
     return number
 
 
 def choice(name: str, value: str, known: Sequence[str]) -> str:
     """One of the known words."""
     if value not in known:
-        raise InvalidInputError(f"{name}: expected {' or '.join(map(repr, known))}, got {value!r}")
+        raise InvalidInputError(f"{name}: expected {' or '.join(map(repr, known))}, got {quote(value)}")
     return value
 
 
 def observer(progress: Progress | None) -> Progress | None:
     """Something that can be called, or nothing."""
     if progress is not None and not callable(progress):
-        raise InvalidInputError(f"progress: expected None or a function (stage, done, total), got {progress!r}")
+        raise InvalidInputError(f"progress: expected None or a function (stage, done, total), got {quote(progress)}")
     return progress
 
 

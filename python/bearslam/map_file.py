@@ -70,6 +70,8 @@ def _summary(result: Reconstruction) -> dict[str, object]:
     return {
         "cost": _number(result.cost),
         "rms": _number(result.rms),
+        "sensitivity": _number(result.sensitivity),
+        "uncertainty": _number(result.uncertainty),
         "converged": result.converged,
         "termination": result.termination,
         "iterations": result.iterations,

@@ -4,16 +4,19 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam.atomic import replacing
+from bearslam.coerce import FloatArray
 from bearslam.files import kind
 from bearslam.maps import Map, MapLike, pick, register
+from bearslam.report import printable
 
 try:
     import matplotlib as mpl
@@ -36,18 +39,22 @@ __all__ = [
     "ESTIMATE",
     "FORMATS",
     "LINEAR",
+    "PAPER",
     "TRUTH",
     "Entry",
     "Look",
     "draw_map",
+    "draw_names",
     "draw_offsets",
     "draw_rays",
     "draw_to_file",
     "extent",
     "finish",
     "laid_over",
+    "legend",
     "plot",
     "save_figure",
+    "sight_lines",
 ]
 
 FORMATS = (".png", ".svg", ".pdf")
@@ -69,12 +76,15 @@ class Look:
 # The colours are those of Okabe and Ito, which every kind of colour vision tells apart; shape and filling tell the maps
 # apart in black and white.
 TRUTH = Look("#404040", "s", 8.0, filled=False, zorder=3.0)
-LINEAR = Look("#d55e00", "D", 5.0, filled=False, zorder=3.2)
+PAPER = Look("#d55e00", "D", 5.0, filled=False, zorder=3.2)
+LINEAR = Look("#009e73", "P", 5.5, filled=True, zorder=3.3)
 ESTIMATE = Look("#0072b2", "o", 4.0, filled=True, zorder=3.4)
 RAY = "#56b4e9"
 TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
-LABELLED = 40
+LABELLED = 30
 """Robots that are labelled; more labels than that hide the map."""
+SHOWN = 5.0
+"""Points that are farther from the middle than so many times most of the others are left out of the frame."""
 
 
 def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
@@ -92,9 +102,13 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
         shown = laid_over(shown, target)
         scale = extent(target)
         entries = [draw_map(ax, target, TRUTH, "truth", scale)]
-    entries.append(draw_map(ax, shown, ESTIMATE, "estimate", scale, result.view_ids or range(len(shown.poses))))
-    entries.append(draw_rays(ax, shown, result.sightings, "bearing"))
-    finish(ax, "map units" if truth is None else "m", entries)
+    entries.append(draw_map(ax, shown, ESTIMATE, "estimate", scale))
+    lines = sight_lines(shown, result.sightings)
+    entries.append(draw_rays(ax, lines, "bearing"))
+    draw_names(ax, shown, ESTIMATE, scale, result.view_ids or range(len(shown.poses)), lines)
+    finish(ax, "map units" if truth is None else "m")
+    frame(ax, shown)
+    ax.legend(**legend(entries), loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     return ax
 
 
@@ -105,23 +119,36 @@ def laid_over(source: Map, target: Map) -> Map:
 
 
 def extent(of: Map) -> float:
-    """Length of the diagonal of the box around a map."""
-    points = np.concatenate([of.poses[:, :2], of.landmarks])
-    points = points[np.isfinite(points).all(axis=1)]
+    """Length of the diagonal of the box around a map, points far from all others apart."""
+    points = _central(of)
     return float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 1.0
 
 
-def draw_map(
-    ax: Axes, drawn: Map, look: Look, label: str, scale: float, names: Sequence[object] | None = None
-) -> Entry:
+def frame(ax: Axes, drawn: Map) -> None:
+    """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
+    points = _central(drawn)
+    if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
+        margin = 0.1 * extent(drawn)
+        ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
+        ax.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
+
+
+def _central(of: Map) -> FloatArray:
+    points: FloatArray = np.concatenate([of.poses[:, :2], of.landmarks])
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) == 0:
+        return points
+    away = np.hypot(*(points - np.median(points, axis=0)).T)
+    central: FloatArray = points[away <= SHOWN * np.quantile(away, 0.75)]
+    return central
+
+
+def draw_map(ax: Axes, drawn: Map, look: Look, label: str, scale: float) -> Entry:
     """Robots as triangles that point where they head, landmarks as markers; what is undetermined is left out."""
-    poses = drawn.poses[np.isfinite(drawn.poses).all(axis=1)]
-    x, y, theta = poses.T
-    turned = np.exp(1j * theta)[:, None] * (TRIANGLE @ [1, 1j]) * 0.022 * scale + (x + 1j * y)[:, None]
     face = look.color if look.filled else "none"
     ax.add_collection(
         PolyCollection(
-            list(np.stack([turned.real, turned.imag], axis=-1)),
+            list(_triangles(drawn, scale)),
             facecolors=face,
             edgecolors=look.color,
             linewidths=1.1,
@@ -136,15 +163,46 @@ def draw_map(
         return line
 
     ax.add_line(symbol(look.marker, look.size, *drawn.landmarks.T))
-    if names is not None and len(drawn.poses) <= LABELLED:
-        for name, (px, py, heading) in zip(names, drawn.poses, strict=True):
-            if np.isfinite(px + py + heading):
-                away = 0.045 * scale * np.exp(1j * (heading + np.pi))
-                text = ax.text(px + away.real, py + away.imag, str(name), color=look.color, fontsize=8)
-                text.set(ha="center", va="center", zorder=look.zorder + 1)
-                text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
     ax.autoscale_view()
     return (symbol(">", 8.0), symbol(look.marker, look.size)), label
+
+
+def _triangles(drawn: Map, scale: float) -> FloatArray:
+    """Corners (k, 3, 2) of the robots."""
+    x, y, theta = drawn.poses[np.isfinite(drawn.poses).all(axis=1)].T
+    size = 0.022 * scale * min(1.0, (10 / max(len(x), 1)) ** 0.5)
+    corners = np.exp(1j * theta)[:, None] * (TRIANGLE @ [1, 1j]) * size + (x + 1j * y)[:, None]
+    return np.stack([corners.real, corners.imag], axis=-1)
+
+
+def draw_names(
+    ax: Axes, drawn: Map, look: Look, scale: float, names: Sequence[object], lines: FloatArray, *others: Map
+) -> None:
+    """Names beside the robots, where they are farthest from lines and from the points of this and other maps."""
+    if len(drawn.poses) > LABELLED:
+        return
+    edges = [lines]
+    points = []
+    for one in (drawn, *others):
+        corners = _triangles(one, scale)
+        edges += [np.stack([corners[:, k - 1], corners[:, k]], axis=1) for k in range(3)]
+        points.append(one.landmarks)
+    start, end = np.concatenate(edges).transpose(1, 0, 2)
+    along = np.linspace(0.0, 1.0, 101)[:, None, None]
+    occupied = np.concatenate([(start + along * (end - start)).reshape(-1, 2), *points]) @ [1, 1j]
+    occupied = occupied[np.isfinite(occupied)]
+    away = (0.04 if len(drawn.poses) <= 10 else 0.03) * scale
+    for name, (x, y, heading) in zip(names, drawn.poses, strict=True):
+        if np.isfinite(x + y + heading):
+            around = heading + np.pi + np.linspace(-2.4, 2.4, 49)  # where the triangle has no tip
+            places = x + 1j * y + away * np.exp(1j * around)
+            place = places[np.argmax(np.abs(places[:, None] - occupied).min(axis=1).round(6))]
+            occupied = np.append(occupied, place + 0.01 * scale * np.array([0, 1, -1]))
+            text = ax.text(
+                place.real, place.imag, printable(name), color=look.color, fontsize=8, clip_on=True, parse_math=False
+            )
+            text.set(ha="center", va="center", zorder=look.zorder + 1)
+            text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
 
 
 def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
@@ -156,22 +214,27 @@ def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
     )
 
 
-def draw_rays(ax: Axes, drawn: Map, sightings: Sightings, label: str) -> Entry:
-    """Every bearing as it was measured, from the robot as far as the landmark."""
+def sight_lines(drawn: Map, sightings: Sightings) -> FloatArray:
+    """Start and end (k, 2, 2) of every bearing as it was measured, from the robot as far as the landmark."""
     poses, points = drawn.poses[sightings.view], drawn.landmarks[sightings.landmark]
     start = poses[:, :2]
     reach = np.hypot(*(points - start).T)
     direction = poses[:, 2] + sightings.bearing
     end = start + reach[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
-    lines = np.stack([start, end], axis=1)
-    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
-    width = 0.7 if len(lines) <= 300 else 0.3
-    ax.add_collection(LineCollection(list(lines), colors=RAY, linewidths=width, alpha=0.6, zorder=1.0))
+    lines: FloatArray = np.stack([start, end], axis=1)
+    return lines[np.isfinite(lines).all(axis=(1, 2))]
+
+
+def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
+    """Bearings as thin lines."""
+    few = min(1.0, 150 / max(len(lines), 1))
+    look = {"linewidths": max(0.7 * few, 0.3), "alpha": max(0.6 * few, 0.1)}
+    ax.add_collection(LineCollection(list(lines), colors=RAY, zorder=1.0, **look))
     return Line2D([], [], color=RAY, linewidth=0.9), label
 
 
-def finish(ax: Axes, unit: str, entries: Sequence[Entry]) -> None:
-    """Equal scales, named axes and a legend beside the map."""
+def finish(ax: Axes, unit: str) -> None:
+    """Equal scales and named axes."""
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlabel(f"x [{unit}]")
     ax.set_ylabel(f"y [{unit}]")
@@ -179,17 +242,18 @@ def finish(ax: Axes, unit: str, entries: Sequence[Entry]) -> None:
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
+
+
+def legend(entries: Sequence[Entry]) -> dict[str, Any]:
+    """Arguments for a legend with these entries, wherever it goes."""
     handles, labels = zip(*entries, strict=True)
-    ax.legend(
-        handles,
-        labels,
-        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.6)},
-        handlelength=2.4,
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        borderaxespad=0.0,
-        frameon=False,
-    )
+    return {
+        "handles": handles,
+        "labels": labels,
+        "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.6)},
+        "handlelength": 2.4,
+        "frameon": False,
+    }
 
 
 def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:
@@ -205,5 +269,10 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure to a file, in one step; the same figure gives the same bytes."""
     suffix = kind(path, FORMATS)
     undated: dict[str, dict[str, str | None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    with mpl.rc_context({"svg.hashsalt": "bearslam"}), replacing(path) as file:
+    with (
+        mpl.rc_context({"svg.hashsalt": "bearslam"}),
+        warnings.catch_warnings(),
+        replacing(path) as file,
+    ):
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # a box stands for it
         figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix])

@@ -10,8 +10,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.coerce import FloatArray, IntArray, floats, indices, plain
+from bearslam.coerce import FloatArray, IntArray, floats, indices, plain, quote
 from bearslam.errors import InvalidInputError
+
+SIGMA_RANGE = (1e-100, 1e100)
+"""Standard deviations whose squares, and theirs in turn, are numbers [rad]."""
 
 __all__ = ["Problem", "ProblemLike", "Sightings"]
 
@@ -175,10 +178,13 @@ def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_]
     values = np.broadcast_to(values, shape)
     if seen is not None:
         values = values[seen]
-    bad = ~(values > 0)
+    low, high = SIGMA_RANGE
+    bad = ~((values >= low) & (values <= high))
     if bad.any():
         where = "" if one else f"[{int(np.argmax(bad))}]"
-        raise InvalidInputError(f"sigma{where}: expected a number above 0 for every sighting, got {values[bad][0]:g}")
+        value = values[bad][0]
+        wanted = f"from {low:g} to {high:g}" if value > 0 else "above 0"
+        raise InvalidInputError(f"sigma{where}: expected a number {wanted} for every sighting, got {value:g}")
     return np.ascontiguousarray(values)
 
 
@@ -188,8 +194,10 @@ def _names(name: str, values: Iterable[str], count: int) -> tuple[str, ...]:
         raise InvalidInputError(f"{name}: expected {count} names, got {len(names)}")
     for i, one in enumerate(names):
         if not (type(one) is str and one and one == one.strip()) or "\n" in one or "\r" in one:
-            raise InvalidInputError(f"{name}[{i}]: expected a name on one line without blanks around it, got {one!r}")
+            raise InvalidInputError(
+                f"{name}[{i}]: expected a name on one line without blanks around it, got {quote(one)}"
+            )
     if len(set(names)) != count:
         twice = next(one for i, one in enumerate(names) if one in names[:i])
-        raise InvalidInputError(f"{name}: expected distinct names, got {twice!r} twice")
+        raise InvalidInputError(f"{name}: expected distinct names, got {quote(twice)} twice")
     return names

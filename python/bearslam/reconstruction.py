@@ -59,12 +59,18 @@ class Reconstruction:
         The sightings that were explained, each with its standard deviation, in the order of `residuals`; those of an
         (m, n) array row by row.
     residuals : (m, n) or (k,) ndarray
-        Measured minus predicted bearing, in (-pi, pi], in the shape of the problem; NaN where nothing was seen or
+        Predicted minus measured bearing, in (-pi, pi], in the shape of the problem; NaN where nothing was seen or
         nothing can be predicted [rad].
     cost : float
         Half the sum of the squares of residual over standard deviation.
     rms : float
         Root mean square of the residuals [rad].
+    sensitivity : float
+        Predicted standard deviation of the map, as a share of its size, in the direction that the bearings hold least,
+        for residuals of one standard deviation. NaN where it was not computed: only `solve` does, for the best map.
+    uncertainty : float
+        The same for residuals as large as they are. Near and above 1 the bearings do not determine the map, however
+        well it explains them. NaN without degrees of freedom to judge the noise by, too.
     converged : bool
         Whether the refinement ended in a minimum. False where there was no refinement.
     termination : str
@@ -87,6 +93,8 @@ class Reconstruction:
     residuals: FloatArray
     cost: float
     rms: float
+    sensitivity: float
+    uncertainty: float
     converged: bool
     termination: Termination
     iterations: int

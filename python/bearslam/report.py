@@ -10,7 +10,7 @@ import numpy as np
 
 from bearslam.reconstruction import Reconstruction
 
-__all__ = ["columns", "describe", "listing"]
+__all__ = ["columns", "describe", "listing", "percent", "printable"]
 
 SHOWN = 20
 """Rows of a listing that are printed; a file has them all."""
@@ -25,9 +25,14 @@ def describe(result: Reconstruction) -> str:
         f"{'converged' if result.converged else 'not converged'} after {result.iterations} iterations "
         f"({result.termination.replace('_', ' ')})",
     ]
+    if not math.isnan(result.uncertainty):
+        lines.append(f"uncertainty {percent(result.uncertainty)} of the map's size where the bearings hold it least")
+    elif not math.isnan(result.sensitivity):
+        lines.append("uncertainty unknown: with no sightings to spare, the residuals say nothing about the errors")
     for one in result.undetermined:
         ids = result.view_ids if one.kind == "view" else result.landmark_ids
-        lines.append(f"undetermined: {one.kind} {one.index if ids is None else ids[one.index]}: {one.reason}")
+        name = one.index if ids is None else ids[one.index]
+        lines.append(f"undetermined: {one.kind} {printable(name)}: {one.reason}")
     lines += [
         f"alternative: residual rms {math.degrees(other.rms):.4g} deg, cost {other.cost:.6g}"
         for other in result.alternatives
@@ -59,7 +64,18 @@ def columns(rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
+def printable(text: object, limit: int = 60) -> str:
+    """Text on one line, without what would move the cursor or change the colour, cut where it is long."""
+    safe = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in str(text))
+    return safe if len(safe) <= limit else f"{safe[: limit - 3]}..."
+
+
+def percent(share: float) -> str:
+    """A share in percent, to two digits."""
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+
+
 def _table(head: Sequence[str], names: Sequence[object], values: Sequence[Sequence[float]]) -> str:
-    rows = [(str(name), *(f"{value:.4f}" for value in row)) for name, row in zip(names, values, strict=True)]
+    rows = [(printable(name), *(f"{value:.4f}" for value in row)) for name, row in zip(names, values, strict=True)]
     text = columns([head, *rows[:SHOWN]])
     return text if len(rows) <= SHOWN else f"{text}\n... and {len(rows) - SHOWN} more"

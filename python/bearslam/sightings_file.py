@@ -8,6 +8,7 @@ import io
 import math
 from collections.abc import Iterator
 
+from bearslam.coerce import quote
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Problem, ProblemLike, Sightings, tabulate
 
@@ -53,7 +54,7 @@ def parse(data: bytes, name: str) -> Problem:
         )
         if lines.setdefault(pair, number) != number:
             raise InvalidInputError(
-                f"{where}: view {cells[at_view]!r} sees landmark {cells[at_landmark]!r} a second time; "
+                f"{where}: view {quote(cells[at_view])} sees landmark {quote(cells[at_landmark])} a second time; "
                 f"the first is on line {lines[pair]}"
             )
         bearing.append(_bearing(bearing_column, cells[columns[bearing_column]], where))
@@ -106,7 +107,7 @@ def _rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
 
 def _columns(header: list[str], where: str) -> dict[str, int]:
     columns = {column: header.index(column) for column in header}
-    shown = repr(",".join(header))
+    shown = quote(",".join(header))
     for column in header:
         if column not in COLUMNS:
             raise InvalidInputError(
@@ -131,7 +132,7 @@ def _number(column: str, cell: str, where: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InvalidInputError(f"{where}: expected a finite number as {column}, got {cell!r}")
+        raise InvalidInputError(f"{where}: expected a finite number as {column}, got {quote(cell)}")
     return value
 
 
@@ -139,12 +140,12 @@ def _bearing(column: str, cell: str, where: str) -> float:
     value = _number(column, cell, where)
     if abs(value) > TURN[column]:
         unit = "radians (a column bearing_deg holds degrees)" if column == "bearing" else "degrees"
-        raise InvalidInputError(f"{where}: expected {unit} within one turn as {column}, got {cell}")
+        raise InvalidInputError(f"{where}: expected {unit} within one turn as {column}, got {value:g}")
     return math.radians(value) if column == "bearing_deg" else value
 
 
 def _sigma(column: str, cell: str, where: str) -> float:
     value = _number(column, cell, where)
     if value <= 0:
-        raise InvalidInputError(f"{where}: expected a number above 0 as {column}, got {cell}")
+        raise InvalidInputError(f"{where}: expected a number above 0 as {column}, got {value:g}")
     return math.radians(value) if column == "sigma_deg" else value

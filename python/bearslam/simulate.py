@@ -11,12 +11,17 @@ import numpy as np
 
 from bearslam import _core
 from bearslam.coerce import FloatArray, choice, real, whole
+from bearslam.errors import InvalidInputError
 from bearslam.problem import Sightings
 
 __all__ = ["LAYOUTS", "Layout", "Scene", "simulate"]
 
 Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
 LAYOUTS = ("mixed", "enclosed", "trajectory")
+LARGEST = 1e100
+"""Side of an arena whose products with others are still numbers [m]."""
+PLACES = 2**27
+"""In a table of bearings, which makes 1 GB."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,14 +102,17 @@ def simulate(
     >>> simulate("mixed", 4, 9, noise=0.04, seed=1)
     <Scene: 36 sightings of 9 landmarks from 4 views>
     """
+    views, landmarks = whole("views", views, 1), whole("landmarks", landmarks, 1)
+    if views * landmarks > PLACES:
+        raise InvalidInputError(f"views: expected at most {PLACES} pairs with landmarks, got {views} x {landmarks}")
     poses, points, bearings = _core.simulate(
         choice("layout", layout, LAYOUTS),
-        whole("views", views, 1),
-        whole("landmarks", landmarks, 1),
-        real("noise", noise, 0.0),
+        views,
+        landmarks,
+        real("noise", noise, 0.0, 2 * math.pi),
         whole("seed", seed, 0),
-        real("width", width, 0.0, above=True),
-        real("height", height, 0.0, above=True),
+        real("width", width, 0.0, LARGEST, above=True),
+        real("height", height, 0.0, LARGEST, above=True),
         real("sight", sight, 0.0, above=True, infinite=True),
     )
     return Scene(poses, points, bearings)

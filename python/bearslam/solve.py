@@ -29,17 +29,18 @@ def solve(
     sigma: ArrayLike = 1.0,
     method: Method = "search",
     triples: int = 24,
-    candidates: int = 3,
+    grown: int = 6,
+    candidates: int = 6,
     max_iterations: int = 100,
     damping: float = 1e-4,
-    tolerance: float = 1e-12,
+    tolerance: float = 1e-10,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Poses and landmarks from bearings alone: no odometry, no guess.
 
-    Linear reconstructions of many triples of views are extended to all views by resection and triangulation; the best
-    few are refined; the best of those is the answer.
+    The tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly, by
+    resection and triangulation; the best of these are refined; the least cost is the answer.
 
     Parameters
     ----------
@@ -53,9 +54,11 @@ def solve(
         "search" tries many triples. "calibrated" and "projective" are the path of the paper: they start from the first
         three views, with the tensor of that name (see `three_view`), and choose between its two solutions by a fourth.
     triples : int
-        Triples of views to try; "search" only.
+        Triples of views whose tensor is estimated; "search" only.
+    grown : int
+        The best conditioned of them, so many, are grown to whole maps, both solutions of each; "search" only.
     candidates : int
-        Of the maps that the triples yield, so many are refined.
+        Most maps that are refined; as soon as two end in the same minimum it is enough. "search" only.
     max_iterations : int
         Steps of one refinement at most.
     damping : float
@@ -116,6 +119,7 @@ def solve(
         table.sigma,
         method=choice("method", method, METHODS),
         triples=whole("triples", triples, 1),
+        grown=whole("grown", grown, 1),
         candidates=whole("candidates", candidates, 1),
         max_iterations=whole("max_iterations", max_iterations, 1),
         damping=real("damping", damping, 0.0),
@@ -132,6 +136,7 @@ def initialize(
     sigma: ArrayLike = 1.0,
     method: Method = "search",
     triples: int = 24,
+    grown: int = 6,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
@@ -139,7 +144,7 @@ def initialize(
 
     Parameters
     ----------
-    problem, sigma, method, triples, seed, progress
+    problem, sigma, method, triples, grown, seed, progress
         As for `solve`.
 
     Returns
@@ -174,6 +179,7 @@ def initialize(
         table.sigma,
         method=choice("method", method, METHODS),
         triples=whole("triples", triples, 1),
+        grown=whole("grown", grown, 1),
         seed=whole("seed", seed, 0),
         progress=observer(progress),
     )
@@ -187,7 +193,7 @@ def refine(
     sigma: ArrayLike = 1.0,
     max_iterations: int = 100,
     damping: float = 1e-4,
-    tolerance: float = 1e-12,
+    tolerance: float = 1e-10,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Nearest map of least squared bearing residuals, by Levenberg-Marquardt from a start.
@@ -255,6 +261,8 @@ def _wrapped(table: Table, raw: RawReconstruction, alternatives: tuple[Reconstru
         residuals=table.restore(raw["residuals"]),
         cost=raw["cost"],
         rms=raw["rms"],
+        sensitivity=raw["sensitivity"],
+        uncertainty=raw["uncertainty"],
         converged=raw["converged"],
         termination=cast("Termination", raw["termination"]),
         iterations=raw["iterations"],

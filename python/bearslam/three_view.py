@@ -72,8 +72,8 @@ def three_view(
     Returns
     -------
     list of ThreeViewSolution
-        One or two, best first: fewest sightings that point the wrong way, then the lesser cost. Look at both: noise
-        may put the true one second.
+        Best first: fewest sightings that point the wrong way, then the lesser cost. Two, and noise may put the true
+        one second; or one, where noise has flattened the triangle of the views, in which the two merge.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def three_view(
         If the shape is not (3, n), n is too small, or a bearing is not finite.
     DegenerateError
         If more than one tensor fits the bearings: all landmarks on one line, or on one circular cubic curve through
-        the three views, two views in one place; or, for "projective", if noise has made the epipoles complex.
+        the three views, two views in one place.
 
     References
     ----------
@@ -98,7 +98,7 @@ def three_view(
     >>> errors = [
     ...     np.abs(align(s.landmarks, scene.landmarks).apply(s.landmarks) - scene.landmarks).max() for s in solutions
     ... ]
-    >>> min(errors) < 1e-6  # metres: one of them is the truth
+    >>> bool(min(errors) < 1e-6)  # metres: one of them is the truth
     True
 
     Landmarks along one wall leave the motion open:
@@ -179,7 +179,8 @@ def epipoles(tensor: ArrayLike) -> FloatArray:
     InvalidInputError
         If the shape is wrong or a number is not finite.
     DegenerateError
-        If the epipoles are complex (noise has destroyed the geometry) or undefined (views in one place).
+        If the epipoles are complex, with the discriminant as `value` (noise has destroyed the geometry), or undefined
+        (views in one place).
 
     References
     ----------

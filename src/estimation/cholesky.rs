@@ -62,7 +62,6 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use alloc::vec;
     use alloc::vec::Vec;
     use nalgebra::{DMatrix, DVector};
 
@@ -80,7 +79,7 @@ mod tests {
             let error = (DVector::from_vec(x) - &expected).norm();
             assert!(error < 1e-11 * expected.norm(), "{error:e}");
         }
-        assert!(!factorize(&mut vec![1.0, 0.0, 2.0, 1.0], 2));
-        assert!(!factorize(&mut vec![f64::NAN], 1));
+        assert!(!factorize(&mut [1.0, 0.0, 2.0, 1.0], 2));
+        assert!(!factorize(&mut [f64::NAN], 1));
     }
 }

@@ -7,7 +7,7 @@ use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
-use nalgebra::{Point2, Similarity2, UnitComplex};
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,7 +124,7 @@ impl<T: Real> Map<T> {
     /// The same map in the gauge of this crate: the first determined view at the origin with heading
     /// 0, and a root-mean-square distance of 1 of the other views from it.
     ///
-    /// Left as it is when all views are in one place.
+    /// Left as it is when all views are in one place, or too far apart for the number type.
     pub fn normalized(&self) -> Self {
         let mut views = self.poses.iter().flatten();
         let Some(first) = views.next() else {
@@ -135,12 +135,14 @@ impl<T: Real> Map<T> {
             sum += (pose.translation.vector - first.translation.vector).norm_squared();
             count += T::one();
         }
-        if !(sum > T::zero()) {
+        let scale = (count / sum).sqrt();
+        if !(scale > T::zero() && scale.is_finite()) {
             return self.clone();
         }
-        let similarity = Similarity2::from_isometry(first.inverse(), T::one());
-        let scaled = similarity.append_scaling((count / sum).sqrt());
-        let mut map = self.transformed(&scaled);
+        let home = first.inverse();
+        let shift = Translation2::from(home.translation.vector * scale);
+        let similarity = Similarity2::from_parts(shift, home.rotation, scale);
+        let mut map = self.transformed(&similarity);
         // The first view exactly, and unit rotations again.
         for (k, pose) in map.poses.iter_mut().flatten().enumerate() {
             if k == 0 {

@@ -94,8 +94,8 @@ const MAX_DENSE: usize = 1 << 14;
 /// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
 ///
 /// Views and landmarks without a value are left out, as are those that the rest does not fix; they
-/// are listed in the report. The gauge does not matter: the result is in that of the start, up to
-/// rounding (use [`Map::normalized`]).
+/// are listed in the report. The gauge is free and drifts a little with damped steps; fix it
+/// afterwards with [`Map::normalized`].
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
@@ -225,7 +225,7 @@ impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
     }
 }
 
-/// The directions of translation, rotation and scaling of the blocks that stay: orthonormal rows.
+/// The directions of translation, rotation and scaling of the blocks that stay, (T14): orthonormal rows.
 fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> DMatrix<T> {
     let points = kept_positions::<T, K>(bundle);
     let count = T::lit(points.len() as f64);

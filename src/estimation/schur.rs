@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Elimination of one kind of block from the damped normal equations.
+//! Elimination of one kind of block from the damped normal equations, (T13).
 //!
 //! A sighting ties one pose to one landmark, so either all poses (3x3 blocks) or all landmarks (2x2
 //! blocks) can be eliminated one by one, whichever leaves the smaller system. The text is the same:
@@ -67,7 +67,7 @@ struct Block<T: Real, const E: usize> {
 }
 
 impl<T: Real, const E: usize> Block<T, E> {
-    /// The block of a group; `None` when it is singular.
+    /// The block of a group; `None` when it is not finite.
     #[inline]
     fn of_group<const K: usize>(
         group: impl Iterator<Item = Slot<T, E, K>>,
@@ -89,10 +89,15 @@ impl<T: Real, const E: usize> Block<T, E> {
     }
 
     /// Factor of `matrix` (lower triangle) with its diagonal grown by `1 + damping`.
+    ///
+    /// A pivot that is rounding belongs to a direction that no sighting holds, such as the range of a
+    /// landmark at infinity: it gets no step and takes nothing from the others. `None` for a matrix
+    /// that is not finite.
     fn new(matrix: &[[T; E]; E], damping: T) -> Option<Self> {
         let mut factor = *matrix;
         for i in 0..E {
             factor[i][i] *= T::one() + damping;
+            let floor = factor[i][i] * T::eps() * T::lit(4.0);
             for j in 0..i {
                 for k in 0..j {
                     let product = factor[i][k] * factor[j][k];
@@ -104,10 +109,14 @@ impl<T: Real, const E: usize> Block<T, E> {
                 let square = factor[i][k] * factor[i][k];
                 factor[i][i] -= square;
             }
-            if !(factor[i][i] > T::zero()) {
+            if !factor[i][i].is_finite() {
                 return None;
             }
-            factor[i][i] = T::one() / factor[i][i].sqrt();
+            factor[i][i] = if factor[i][i] > floor {
+                T::one() / factor[i][i].sqrt()
+            } else {
+                T::zero()
+            };
         }
         Some(Self {
             factor,
@@ -164,8 +173,8 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     /// Forms and factorises the reduced system.
     ///
     /// The rows of `gauge` are directions of the blocks that stay along which nothing changes; each is given the
-    /// stiffness of an average parameter, which fixes it and nothing else: the right-hand side is at
-    /// right angles to it. `false` when the system is not positive definite.
+    /// stiffness of an average parameter, which fixes it and, without damping, nothing else: the
+    /// right-hand side is then at right angles to it. `false` when the system is not positive definite.
     pub fn factorize(
         &mut self,
         grouped: &impl Grouped<T, E, K>,
@@ -360,7 +369,7 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     /// The direction of the blocks that stay in which the data hold them least, as a displacement one
     /// standard deviation long when residuals have unit variance.
     ///
-    /// Inverse iteration on the reduced matrix with its parameters in units of their conditional
+    /// (T16): inverse iteration on the reduced matrix with its parameters in units of their conditional
     /// standard deviations; needs [`Schur::factorize`] without damping.
     pub fn weakest_direction(&self) -> Vec<T> {
         let size = self.step.len();

@@ -63,7 +63,8 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
     }
     let length = cross.norm_sqr().sqrt();
     let bound = T::eps() * (spread * spread_to).sqrt();
-    if !(length > bound && length > T::zero()) {
+    let scale = length / spread;
+    if !(length > bound && scale > T::zero() && scale.is_finite()) {
         return Err(Error::Degenerate {
             quantity: "correlation of the points to align",
             value: length.as_f64(),
@@ -71,7 +72,6 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
         });
     }
     let rotation = UnitComplex::new_unchecked(cross / length);
-    let scale = length / spread;
     let moved = rotation * from.coords * scale;
     Ok(Similarity2::from_parts(
         Translation2::from(to.coords - moved),

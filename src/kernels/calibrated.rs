@@ -145,8 +145,8 @@ impl<T: Real> CalibratedTensor<T> {
         TrifocalTensor { entries }.normalized()
     }
 
-    /// The cosine of the angle at view 0 between the baselines, from the three sides, (T6); beyond
-    /// [-1, 1] when noise has broken the triangle inequality.
+    /// Minus the cosine of the angle at view 0 between the baselines, from the three sides, (T6);
+    /// beyond \[-1, 1\] when noise has broken the triangle inequality.
     pub fn kappa(&self) -> T {
         let [a, b, c] = self.coefficients.map(|z| z.norm_sqr());
         (c - a - b) / (T::lit(2.0) * (a * b).sqrt())
@@ -154,8 +154,8 @@ impl<T: Real> CalibratedTensor<T> {
 
     /// How far the data hold the motion: inversely proportional to its error for equal noise.
     ///
-    /// The second smallest singular value per landmark bounds the error of the tensor; a flat triangle
-    /// of views multiplies it by its longest side over its height.
+    /// The second smallest singular value bounds the error of the tensor; a flat triangle of views
+    /// multiplies it by its longest side over its height.
     pub fn quality(&self) -> T {
         let [la, lb, lc] = self.coefficients.map(|z| z.norm_sqr().sqrt());
         let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
@@ -165,7 +165,8 @@ impl<T: Real> CalibratedTensor<T> {
         self.singular_values[1] * flatness
     }
 
-    /// Both motions, mirror images in their triangle of views, each modulo pi in every heading.
+    /// Both motions, mirror images in their triangle of views, each modulo pi in every heading:
+    /// (T5) and (T7).
     ///
     /// A triangle that noise has broken is replaced by the nearest one, which is flat; both motions
     /// are then the same.

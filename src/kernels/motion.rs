@@ -33,7 +33,7 @@ pub(super) struct LineMotion<T: Real> {
 impl<T: Real> LineMotion<T> {
     /// Settles every pi by the signs of the bearings.
     ///
-    /// Turning a view by pi turns round the signs of all its sightings, so the majority of its
+    /// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
     /// sightings decides; turning all three is turning the map.
     pub fn settle(&self, triples: &[Triple<T>]) -> Motion<T> {
         let mut behind = [0_usize; 3];
@@ -108,7 +108,7 @@ impl<T: Real> Motion<T> {
 
 /// The point with the least sum of squared distances to three lines.
 ///
-/// By Jacobi's formula it is the mean of the three pairwise intersections weighted with their
+/// By Jacobi's formula, (T10), it is the mean of the three pairwise intersections weighted with their
 /// squared determinants: a sum of squares, so no digit is lost to cancellation as it is in normal
 /// equations.
 #[inline]

@@ -337,8 +337,8 @@ mod tests {
         assert!((cosine.abs() - 1.0).abs() < tolerance, "{cosine}");
     }
 
-    extern crate std;
-    use std::vec::Vec;
+    extern crate alloc;
+    use alloc::vec::Vec;
 
     #[test]
     fn smallest_singular_vectors_are_those_of_the_full_decomposition() {

@@ -82,9 +82,8 @@ pub fn initialize<T: Real>(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
-    let mut maps = hypotheses(problem, options, &mut progress)?;
-    maps.truncate(2);
-    let judged = maps.into_iter().map(|mut map| {
+    let hypotheses = hypotheses(problem, options, &mut progress)?;
+    let judged = hypotheses.maps.into_iter().take(2).map(|mut map| {
         let undetermined = map.prune(problem);
         let cost = cost(problem, &map);
         Reconstruction::new(
@@ -147,15 +146,16 @@ pub fn solve<T: Real>(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
-    let mut maps = hypotheses(problem, options, &mut progress)?;
+    let Hypotheses { maps, unique } = hypotheses(problem, options, &mut progress)?;
     let candidates = match options.strategy {
-        Strategy::Search(search) => search.candidates,
+        Strategy::Search(search) if unique => search.candidates,
+        // Every minimum counts where there may be several exact ones.
+        Strategy::Search(_) => maps.len(),
         Strategy::FirstViews(_) => 1,
     };
-    maps.truncate(candidates);
-    let total = maps.len();
+    let total = candidates.min(maps.len());
     let mut refined: Vec<Reconstruction<T>> = Vec::with_capacity(total);
-    for (done, mut map) in maps.into_iter().enumerate() {
+    for (done, mut map) in maps.into_iter().take(candidates).enumerate() {
         let report = refine_map(
             problem,
             &mut map,
@@ -165,7 +165,7 @@ pub fn solve<T: Real>(
         match report {
             Ok(report) => {
                 let found = Reconstruction::new(problem, &map, report);
-                let confirmed = problem.views() > 3
+                let confirmed = unique
                     && refined
                         .iter()
                         .all(|other| other.cost >= found.cost * T::lit(SAME_COST))
@@ -184,7 +184,9 @@ pub fn solve<T: Real>(
     best.sensitivity = sensitivity(problem, &best.map);
     let bound = 1.0 / (8.0 * T::eps().as_f64().sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
-    if !(per_radian < bound) {
+    // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
+    // the uncertainty says so.
+    if !(per_radian < bound) && best.rms < T::eps().sqrt() {
         return Err(Error::Degenerate {
             quantity: "relative error of the map per radian of bearing noise",
             value: per_radian,
@@ -215,14 +217,25 @@ fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>) -> usize {
     (sightings + 4).saturating_sub(3 * views + 2 * landmarks)
 }
 
-/// First maps, best first.
+/// First maps.
+struct Hypotheses<T: Real> {
+    /// Best first.
+    maps: Vec<Map<T>>,
+    /// Whether the problem has one solution in general: more than three views, more than four
+    /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
+    unique: bool,
+}
+
 fn hypotheses<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Hypotheses<T>, Error> {
     match options.strategy {
-        Strategy::FirstViews(method) => paper::follow(problem, method).map(Vec::from),
+        Strategy::FirstViews(method) => Ok(Hypotheses {
+            maps: paper::follow(problem, method)?.into(),
+            unique: false,
+        }),
         Strategy::Search(search) => self::search(problem, search, options.seed, progress),
     }
 }
@@ -233,7 +246,7 @@ fn search<T: Real>(
     search: Search,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Hypotheses<T>, Error> {
     if problem.views() < 3 {
         return Err(Error::TooFew {
             what: "views",
@@ -275,8 +288,10 @@ fn search<T: Real>(
             }
         }
     }
-    if drawn.is_empty() && problem.views() > 3 {
-        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, search.triples, seed);
+    let four = drawn.is_empty() && problem.views() > 3;
+    if four {
+        let count = search.triples.min(MAX_SWEEPS);
+        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
         for (done, &views) in drawn.iter().enumerate() {
             if !tell(progress, "search", done, drawn.len()) {
                 return Err(Error::Interrupted);
@@ -292,7 +307,11 @@ fn search<T: Real>(
         return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
     }
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(scored.into_iter().map(|(_, map)| map).collect())
+    let maps: Vec<Map<T>> = scored.into_iter().map(|(_, map)| map).collect();
+    Ok(Hypotheses {
+        maps: if four { distinct(maps) } else { maps },
+        unique: !four && problem.views() > 3,
+    })
 }
 
 /// What to say when no three views share enough landmarks.
@@ -317,6 +336,34 @@ fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
         got: most,
     }
 }
+
+/// The first of each cluster of maps, up to [`MAX_DISTINCT`].
+fn distinct<T: Real>(maps: Vec<Map<T>>) -> Vec<Map<T>> {
+    let mut found: Vec<(Map<T>, Map<T>)> = Vec::new();
+    for map in maps {
+        let normalized = map.normalized();
+        if found
+            .iter()
+            .all(|(_, other)| !near(&normalized, other, T::lit(CLUSTER)))
+        {
+            found.push((map, normalized));
+            if found.len() == MAX_DISTINCT {
+                break;
+            }
+        }
+    }
+    found.into_iter().map(|(map, _)| map).collect()
+}
+
+/// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+const MAX_SWEEPS: usize = 4;
+
+/// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in
+/// the same minimum.
+const CLUSTER: f64 = 0.05;
+
+/// Most hypotheses that are refined for a problem with four landmarks.
+const MAX_DISTINCT: usize = 60;
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T>, Error> {
@@ -352,7 +399,11 @@ const SAME_COST: f64 = 1.0 - 1e-6;
 
 /// Whether two normalised maps are the same minimum.
 fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
-    let near = T::lit(1e-3);
+    near(a, b, T::lit(1e-3))
+}
+
+/// Whether all poses of two normalised maps differ by less than a bound.
+fn near<T: Real>(a: &Map<T>, b: &Map<T>, near: T) -> bool {
     a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
         (Some(a), Some(b)) => {
             (a.translation.vector - b.translation.vector).norm() < near

@@ -4,8 +4,10 @@
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -108,6 +110,81 @@ def test_a_bad_file_is_one_line_with_its_place(text, message, tmp_path, monkeypa
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_names_do_not_reach_the_terminal_as_commands(tmp_path, capsys):
+    path, picture = tmp_path / "scene.csv", tmp_path / "map.png"
+    scene = bearslam.simulate("mixed", 4, 9, noise=0.02, seed=1)
+    names = ["red \x1b[31m", "$x_{", "\u540d", "x" * 10_000]
+    problem = bearslam.Problem(scene.sightings, names, map(str, range(9)))
+    bearslam.save(problem, path)
+    assert main(["solve", str(path), "--plot", str(picture), "-o", str(tmp_path / "map.json")]) == 0
+    saved = json.loads((tmp_path / "map.json").read_text())
+    assert [view["id"] for view in saved["views"]] == names
+    assert main(["solve", str(path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert "red \\x1b[31m" in captured.out
+    assert max(map(len, captured.out.splitlines())) < 120
+
+
+def test_letters_that_a_terminal_has_not_are_spelt_out(tmp_path):
+    path = tmp_path / "scene.csv"
+    scene = bearslam.simulate("mixed", 4, 9, noise=0.02, seed=1)
+    bearslam.save(bearslam.Problem(scene.sightings, "\u03b1\u03b2\u03b3\u03b4", map(str, range(9))), path)
+    done = run("solve", path, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0, done.stderr
+    assert b"\n\\u03b1 " in done.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="closes descriptors as a shell does")
+def test_closed_streams(scene, tmp_path):
+    command = f"exec {sys.executable} -m bearslam solve"
+    closed_input = subprocess.run(f"{command} - <&-", shell=True, capture_output=True, check=False)
+    assert (closed_input.returncode, closed_input.stderr) == (1, b"bearslam: error: -: standard input is closed\n")
+    closed_output = subprocess.run(
+        f"{command} '{scene}' -o '{tmp_path}/map.json' >&-", shell=True, stderr=subprocess.PIPE, check=False
+    )
+    assert (closed_output.returncode, closed_output.stderr) == (0, b"")
+    assert (tmp_path / "map.json").stat().st_size
+
+
+@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
+    (tmp_path / "locked").mkdir(mode=0o555)
+    assert main(["solve", str(scene), "-o", str(tmp_path / "locked" / "map.json")]) == 1
+    assert complaint(capsys) == f"{tmp_path}/locked/map.json: Permission denied"
+
+
+LOADED = """\
+import sys
+import bearslam.cli
+
+def load(path, load=bearslam.cli.load):
+    problem = load(path)
+    print("loaded", flush=True)
+    return problem
+
+bearslam.cli.load = load
+sys.exit(bearslam.cli.main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs SIGINT")
+def test_ctrl_c_ends_a_long_solve_at_once(tmp_path):
+    path, out = tmp_path / "scene.csv", tmp_path / "map.json"
+    bearslam.save(bearslam.simulate("mixed", 500, 500, noise=0.02, seed=1).bearings, path)
+    command = [sys.executable, "-c", LOADED, "solve", str(path), "-o", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"loaded\n"
+        time.sleep(0.3)
+        start = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    # A second is what a person takes for at once; the machine may be busy.
+    assert time.monotonic() - start < 3.0
+    assert (process.returncode, err) == (130, b"bearslam: interrupted\n")
+    assert not out.exists()
+
+
 def test_a_bad_line_on_standard_input_has_its_number():
     done = run("solve", "-", stdin=b"view,landmark,bearing\na,b,north\n")
     assert done.returncode == 1
@@ -128,6 +205,12 @@ def test_a_bad_line_on_standard_input_has_its_number():
         (["solve", "scene.csv", "--triples", "0"], "triples: expected an integer from 1"),
         (["solve", "scene.csv", "--damping", "-1"], "damping: expected a number of at least 0, got -1.0"),
         (["solve", "few.csv"], ""),
+        (["solve", "scene.csv", "-o", "scene.csv"], "scene.csv: the map would replace the bearings that it is made"),
+        (["solve", "scene.csv", "-o", "./alias.csv"], "./alias.csv: the map would replace the bearings"),
+        (["simulate", "mixed", "4", "9", "-o", "a.csv", "--truth", "./a.csv"], "./a.csv: bearings and truth would"),
+        (["simulate", "mixed", "1000000", "1000000"], "views: expected at most"),
+        (["demo", "-o", "scene.csv"], "scene.csv: File exists"),
+        (["solve", "strange.csv"], "strange.csv:1: expected a header of view,"),
         (["solve", "weighted.csv", "--sigma-deg", "1"], "--sigma-deg: the file has standard deviations of its own"),
         (["simulate", "mixed", "0", "9"], "views: expected an integer from 1"),
         (["simulate", "mixed", "4", "9", "--noise-deg", "-1"], "noise: expected a number of at least 0"),
@@ -138,9 +221,13 @@ def test_what_goes_wrong_is_one_line(arguments, message, scene, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     (tmp_path / "few.csv").write_text("view,landmark,bearing\na,b,0.5\n")
     (tmp_path / "weighted.csv").write_text("view,landmark,bearing,sigma\na,b,0.5,0.1\n")
+    (tmp_path / "alias.csv").symlink_to("scene.csv")
+    (tmp_path / "strange.csv").write_bytes(bytes(10**6))
     before = sorted(path.name for path in tmp_path.iterdir())
     assert main(arguments) == 1
-    assert complaint(capsys).startswith(message)
+    line = complaint(capsys)
+    assert line.startswith(message)
+    assert len(line) < 1000
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
@@ -189,6 +276,19 @@ def test_a_map_that_did_not_converge_comes_with_a_warning(tmp_path, capsys):
     bearslam.save(bearslam.simulate("mixed", 8, 12, noise=0.1, seed=1).bearings, path)
     assert main(["solve", str(path), "--max-iterations", "1", "--tolerance", "0"]) == 0
     assert capsys.readouterr().err == "bearslam: warning: not converged (max iterations)\n"
+
+
+def test_a_map_that_the_bearings_hardly_determine_comes_with_a_warning(tmp_path, capsys):
+    path, out = tmp_path / "scene.csv", tmp_path / "map.json"
+    bearslam.save(bearslam.simulate("enclosed", 3, 6, noise=0.02, seed=1).bearings, path)
+    assert main(["solve", str(path), "-o", str(out)]) == 0
+    captured = capsys.readouterr()
+    *_, line = captured.err.splitlines()
+    assert line.startswith("bearslam: warning: the bearings hardly determine this map: ")
+    assert "add sightings" in line
+    saved = json.loads(out.read_text())
+    assert saved["uncertainty"] > 0.5
+    assert f"uncertainty {100 * saved['uncertainty']:.0f} % of the map's size" in captured.out
 
 
 def test_a_file_that_cannot_be_written_is_left_as_it_was(scene, tmp_path, monkeypatch, capsys):
@@ -249,8 +349,9 @@ def test_demo_reports_and_draws(tmp_path, capsys):
     folder = tmp_path / "pictures"
     assert main(["demo", "-o", str(folder)]) == 0
     out = capsys.readouterr().out
-    assert "Four robots among nine landmarks: 36 bearings with 2.23 deg noise" in out
-    assert "Four robots ringed by nine landmarks: 36 bearings with 1.53 deg noise" in out
+    assert "Four robots among nine landmarks, in an arena of 7 x 5 m: 36 bearings with 2.23 deg noise" in out
+    assert "Four robots ringed by nine landmarks, in an arena of 7 x 5 m: 36 bearings with 1.53 deg noise" in out
+    assert all(len(line) <= 110 for line in out.splitlines() if str(tmp_path) not in line)
     assert sorted(path.name for path in folder.iterdir()) == [
         f"figure_{number}.{suffix}" for number in (10, 9) for suffix in ("png", "svg")
     ]

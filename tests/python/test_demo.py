@@ -3,6 +3,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from bearslam.demo import EXPERIMENTS, measure
@@ -18,3 +19,15 @@ def test_refinement_beats_the_linear_estimates(experiment):
     # Residuals of a fit are smaller than the noise, but not by much.
     assert 0.3 * noise < refined.result.rms < noise
     assert refined.errors.position < 0.3
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.name)
+def test_the_scenes_shown_are_typical(experiment):
+    noise = math.radians(experiment.noise_deg)
+
+    def errors(seed=None):
+        rows = [row.errors for row in measure(experiment.scene(seed), noise, 1)]
+        return [[math.nan] * 3 if one is None else [one.position, one.landmark, one.heading] for one in rows]
+
+    typical = np.nanmedian([errors(seed) for seed in range(200)], axis=0)
+    assert (np.abs(np.log2(errors() / typical)) < 1).all()

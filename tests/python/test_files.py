@@ -160,6 +160,8 @@ def test_a_map_as_json_has_everything(result, tmp_path):
     saved = json.loads(path.read_text(), parse_constant=pytest.fail)
     assert saved["cost"] == result.cost
     assert saved["rms"] == result.rms
+    assert [saved[name] for name in ("sensitivity", "uncertainty")] == [result.sensitivity, result.uncertainty]
+    assert [other["uncertainty"] for other in saved["alternatives"]] == [None] * len(result.alternatives)
     assert saved["converged"] is True
     assert [view["id"] for view in saved["views"]] == list(result.view_ids)
     np.testing.assert_array_equal([[view["x"], view["y"], view["theta"]] for view in saved["views"]], result.poses)

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Reconstruction of many views."""
 
+import os
+import signal
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,7 +66,7 @@ def test_the_gauge():
     assert (np.abs(result.poses[:, 2]) <= np.pi).all()
 
 
-def test_residuals_are_measured_minus_predicted():
+def test_residuals_are_predicted_minus_measured():
     scene = bearslam.simulate("mixed", 5, 9, noise=0.02, seed=4)
     bearings = scene.bearings.copy()
     bearings[1, 3] = np.nan
@@ -70,7 +74,7 @@ def test_residuals_are_measured_minus_predicted():
     result = bearslam.solve(bearings, sigma=sigma)
     away = result.landmarks[None] - result.poses[:, None, :2]
     predicted = np.arctan2(away[..., 1], away[..., 0]) - result.poses[:, 2:]
-    expected = np.angle(np.exp(1j * (bearings - predicted)))
+    expected = np.angle(np.exp(1j * (predicted - bearings)))
     expected[1, 3] = np.nan
     np.testing.assert_allclose(result.residuals, expected, atol=1e-12)
     assert result.cost == pytest.approx(0.5 * np.nansum((expected / sigma) ** 2))
@@ -112,6 +116,44 @@ def test_the_refinement_is_as_good_as_the_noise_allows():
     assert np.median(errors) < 0.01
 
 
+def test_sensitivity_and_uncertainty_tell_what_to_expect():
+    sigma = 0.01
+    ratios = []
+    for seed in range(30):
+        scene = bearslam.simulate("mixed", 6, 12, noise=sigma, seed=seed)
+        result = bearslam.solve(scene.bearings, sigma=sigma)
+        freedom = 6 * 12 + 4 - 3 * 6 - 2 * 12
+        assert result.uncertainty == pytest.approx(result.sensitivity * np.sqrt(2 * result.cost / freedom))
+        similarity = register(Map(result.poses, result.landmarks), Map(scene.poses, scene.landmarks))
+        size = np.sqrt(np.square(result.poses[:, :2]).sum() + np.square(result.landmarks).sum())
+        away = np.concatenate(
+            [
+                similarity.apply_poses(result.poses)[:, :2] - scene.poses[:, :2],
+                similarity.apply(result.landmarks) - scene.landmarks,
+            ]
+        )
+        ratios.append(np.linalg.norm(away) / similarity.scale / size / result.sensitivity)
+    # The worst direction makes most of the error; the gauge and the measure of size are known to a factor.
+    assert 0.2 < np.median(ratios) < 5
+
+
+def test_sigma_scales_sensitivity_but_not_uncertainty():
+    scene = bearslam.simulate("mixed", 6, 12, noise=0.01, seed=1)
+    one, ten = (bearslam.solve(scene.bearings, sigma=sigma) for sigma in (0.01, 0.1))
+    assert ten.sensitivity == pytest.approx(10 * one.sensitivity, rel=1e-6)
+    assert ten.uncertainty == pytest.approx(one.uncertainty, rel=1e-6)
+
+
+def test_sensitivity_and_uncertainty_are_nan_where_there_are_none():
+    scene = bearslam.simulate("mixed", 6, 12, noise=0.01, seed=1)
+    for result in (bearslam.initialize(scene.bearings), bearslam.refine(scene.bearings, scene)):
+        assert np.isnan([result.sensitivity, result.uncertainty]).all()
+    # Three views of five landmarks: as many bearings as unknowns.
+    exact = bearslam.solve(bearslam.simulate("mixed", 3, 5, noise=0.01, seed=1).bearings)
+    assert np.isfinite(exact.sensitivity)
+    assert np.isnan(exact.uncertainty)
+
+
 def test_what_cannot_be_determined_is_listed_and_nan():
     scene = bearslam.simulate("mixed", 6, 9, noise=0.0, seed=2)
     bearings = scene.bearings.copy()
@@ -143,6 +185,24 @@ def test_views_in_one_place_are_degenerate():
         bearslam.solve(bearings)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="needs SIGALRM")
+def test_a_signal_ends_a_long_solve():
+    def interrupted(number, frame):
+        raise KeyboardInterrupt
+
+    scene = bearslam.simulate("mixed", 500, 500, noise=0.02, seed=1)
+    before = signal.signal(signal.SIGALRM, interrupted)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        start = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            bearslam.solve(scene.bearings)
+        assert time.monotonic() - start < 3.0
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
 @given(seeds, st.lists(st.floats(-6, 6), min_size=4, max_size=4))
 def test_turning_a_view_changes_its_heading_alone(seed, turns):
     scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=seed)
@@ -170,7 +230,8 @@ def test_the_order_of_views_and_landmarks_does_not_matter(seed, random):
 
 def test_progress_is_told_and_can_stop_the_work():
     told = []
-    scene = bearslam.simulate("mixed", 8, 12, noise=0.02, seed=4)
+    # Large enough to take longer than the 0.05 s between two reports.
+    scene = bearslam.simulate("mixed", 200, 200, noise=0.02, seed=4)
     bearslam.solve(scene.bearings, progress=lambda *step: told.append(step))
     assert told
     for stage, done, total in told:

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Noise-free scenes: is the truth recovered? `cargo bench --bench recovery --features rayon [-- SCENES]`.
+//!
+//! Every scene of every size ends in one of the columns:
+//! - `found`: the map equals the truth up to a similarity, to 1e-7 (`f32`: 1e-3) of the scene's size;
+//! - `twin`: another map explains the bearings exactly, and the truth is among the alternatives;
+//! - `degenerate`: an error that names the degeneracy;
+//! - `ill-conditioned`: the result says so, by its sensitivity (over 1e4 per radian; `f32`: 30) or by
+//!   iterations that ran out;
+//! - `lost`: none of these.
+
+use bearslam::{
+    Arena, Layout, Map, Problem, Real, Reconstruction, Scene, SolveOptions, Termination, align,
+    simulate, solve_batch,
+};
+use nalgebra::Point2;
+
+/// What happened to the scenes of one size.
+#[derive(Default)]
+struct Counts {
+    found: usize,
+    twin: usize,
+    degenerate: usize,
+    ill_conditioned: usize,
+    lost: usize,
+    worst: f64,
+}
+
+/// What counts as found and as ill-conditioned for a scalar type.
+struct Limits {
+    error: f64,
+    sensitivity: f64,
+}
+
+fn main() {
+    let scenes = std::env::args()
+        .skip(1)
+        .find_map(|argument| argument.parse().ok())
+        .unwrap_or(1000);
+    println!("f64, {scenes} scenes a row, error below 1e-7 of the scene");
+    table::<f64>(
+        scenes,
+        &Limits {
+            error: 1e-7,
+            sensitivity: 1e4,
+        },
+    );
+    println!("\nf32, {scenes} scenes a row, error below 1e-3 of the scene");
+    table::<f32>(
+        scenes,
+        &Limits {
+            error: 1e-3,
+            sensitivity: 30.0,
+        },
+    );
+}
+
+fn table<T: Real>(scenes: u64, limits: &Limits) {
+    println!(
+        "{:>5} {:>9} {:>8} {:>6} {:>5} {:>10} {:>15} {:>5} {:>8}",
+        "views",
+        "landmarks",
+        "layout",
+        "found",
+        "twin",
+        "degenerate",
+        "ill-conditioned",
+        "lost",
+        "worst"
+    );
+    let few = [4, 5, 6, 8, 12].map(|views| (views, 4));
+    let many = [3, 4, 5, 6, 8, 10, 12]
+        .into_iter()
+        .flat_map(|views| [5, 6, 7, 8, 10, 12, 15].map(|landmarks| (views, landmarks)));
+    for (views, landmarks) in few.into_iter().chain(many) {
+        for (name, layout) in [("mixed", Layout::Mixed), ("enclosed", Layout::Enclosed)] {
+            let c = count::<T>(layout, views, landmarks, scenes, limits);
+            println!(
+                "{views:>5} {landmarks:>9} {name:>8} {:>6} {:>5} {:>10} {:>15} {:>5} {:>8.1e}",
+                c.found, c.twin, c.degenerate, c.ill_conditioned, c.lost, c.worst
+            );
+        }
+    }
+}
+
+fn count<T: Real>(
+    layout: Layout,
+    views: usize,
+    landmarks: usize,
+    scenes: u64,
+    limits: &Limits,
+) -> Counts {
+    let scenes: Vec<Scene> = (0..scenes)
+        .map(|seed| {
+            simulate(layout, views, landmarks, 0.0, seed, Arena::default()).expect("a scene")
+        })
+        .collect();
+    let problems: Vec<Problem<T>> = scenes
+        .iter()
+        .map(|scene| {
+            let bearings: Vec<T> = scene.bearings.iter().map(|&b| T::lit(b)).collect();
+            Problem::dense(views, landmarks, &bearings, T::one()).expect("a problem")
+        })
+        .collect();
+    let mut counts = Counts::default();
+    for (scene, found) in scenes
+        .iter()
+        .zip(solve_batch(&problems, &SolveOptions::default()))
+    {
+        let Ok(found) = found else {
+            counts.degenerate += 1;
+            continue;
+        };
+        let error = error(&found, scene);
+        let near = |other: &Reconstruction<T>| self::error(other, scene) < limits.error;
+        if error < limits.error {
+            counts.found += 1;
+            counts.worst = counts.worst.max(error);
+        } else if found.alternatives.iter().any(near) {
+            counts.twin += 1;
+        } else if found.sensitivity > limits.sensitivity
+            || found.termination == Termination::MaxIterations
+        {
+            counts.ill_conditioned += 1;
+        } else {
+            counts.lost += 1;
+        }
+    }
+    counts
+}
+
+/// Largest distance from the truth after alignment, over the size of the arena.
+fn error<T: Real>(found: &Reconstruction<T>, scene: &Scene) -> f64 {
+    let truth: Vec<Point2<f64>> = scene
+        .poses
+        .iter()
+        .map(|pose| pose.translation.vector.into())
+        .chain(scene.landmarks.iter().copied())
+        .collect();
+    let Some(places) = places(&found.map) else {
+        return f64::INFINITY;
+    };
+    let Ok(similarity) = align(&places, &truth) else {
+        return f64::INFINITY;
+    };
+    let worst = places
+        .iter()
+        .zip(&truth)
+        .map(|(place, truth)| (similarity.transform_point(place) - truth).norm())
+        .fold(0.0, f64::max);
+    worst / Arena::default().width
+}
+
+/// All positions of a complete map.
+fn places<T: Real>(map: &Map<T>) -> Option<Vec<Point2<f64>>> {
+    let views = map
+        .poses
+        .iter()
+        .map(|pose| pose.map(|pose| Point2::from(pose.translation.vector)));
+    let places: Option<Vec<Point2<T>>> = views.chain(map.landmarks.iter().copied()).collect();
+
+    Some(
+        places?
+            .iter()
+            .map(|p| Point2::new(p.x.as_f64(), p.y.as_f64()))
+            .collect(),
+    )
+}

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Time of every stage: `cargo bench --bench speed`.
+
+use bearslam::{
+    Arena, Bearing, Layout, Map, Method, Pose, Problem, Real, RefineOptions, Scene, SolveOptions,
+    Triple, refine_map, resect, simulate, solve, three_view, triangulate,
+};
+use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
+use nalgebra::Point2;
+use std::hint::black_box;
+use std::time::Duration;
+
+const NOISE: f64 = 1.0;
+const SIZES: [(usize, usize); 3] = [(4, 7), (8, 11), (12, 15)];
+
+fn scene(views: usize, landmarks: usize, seed: u64) -> Scene {
+    let noise = NOISE.to_radians();
+    simulate(
+        Layout::Mixed,
+        views,
+        landmarks,
+        noise,
+        seed,
+        Arena::default(),
+    )
+    .expect("a scene")
+}
+
+fn triples<T: Real>(landmarks: usize, seed: u64) -> Vec<Triple<T>> {
+    let scene = scene(3, landmarks, seed);
+    (0..landmarks)
+        .map(|j| [0, 1, 2].map(|i| Bearing::new(T::lit(scene.bearings[i * landmarks + j]))))
+        .collect()
+}
+
+fn three_views<T: Real>(criterion: &mut Criterion, scalar: &str) {
+    let mut group = criterion.benchmark_group(format!("three_view/{scalar}"));
+    for (name, method) in [
+        ("calibrated", Method::Calibrated { reweights: 0 }),
+        ("reweighted once", Method::Calibrated { reweights: 1 }),
+        ("projective", Method::Projective),
+    ] {
+        for landmarks in [5, 7, 15, 40] {
+            if landmarks < method.min_landmarks() {
+                continue;
+            }
+            let triples = triples::<T>(landmarks, 3);
+            group.bench_function(BenchmarkId::new(name, landmarks), |bencher| {
+                bencher.iter(|| three_view(black_box(&triples), method));
+            });
+        }
+    }
+}
+
+/// Both branches with all landmarks: what `bearslam.three_view` of the package returns.
+fn three_views_with_landmarks(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("three_view with landmarks/f64");
+    for landmarks in [5, 15] {
+        let triples = triples::<f64>(landmarks, 3);
+        let method = Method::Calibrated { reweights: 0 };
+        group.bench_function(BenchmarkId::from_parameter(landmarks), |bencher| {
+            bencher.iter(|| {
+                let found = three_view(black_box(&triples), method).expect("a solution");
+                for motion in &found.motions {
+                    for triple in &triples {
+                        black_box(motion.landmark(triple));
+                    }
+                }
+            });
+        });
+    }
+}
+
+fn kernels(criterion: &mut Criterion) {
+    let scene = scene(12, 15, 3);
+    let bearing = |i: usize, j: usize| Bearing::new(scene.bearings[15 * i + j]);
+    for views in [2, 3, 12] {
+        let rays: Vec<(Pose<f64>, Bearing<f64>)> = (0..views)
+            .map(|i| (scene.poses[i], bearing(i, 0)))
+            .collect();
+        criterion.bench_function(&format!("triangulate/{views} views"), |bencher| {
+            bencher.iter(|| triangulate(black_box(&rays).iter().copied()));
+        });
+    }
+    for landmarks in [3, 5, 15] {
+        let seen: Vec<(Point2<f64>, Bearing<f64>)> = (0..landmarks)
+            .map(|j| (scene.landmarks[j], bearing(0, j)))
+            .collect();
+        criterion.bench_function(&format!("resect/{landmarks} landmarks"), |bencher| {
+            bencher.iter(|| resect(black_box(&seen).iter().copied()));
+        });
+    }
+}
+
+/// A start as far from the truth as a good guess: 10 cm and 5 degrees, without randomness.
+fn guess(scene: &Scene) -> Map<f64> {
+    let wave = |k: usize| (12.9898 * (k as f64 + 1.0)).sin();
+    Map {
+        poses: scene
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(k, p)| {
+                let (x, y) = (p.translation.x, p.translation.y);
+                let theta = p.rotation.angle() + 0.087 * wave(3 * k + 2);
+                Some(bearslam::pose(
+                    x + 0.1 * wave(3 * k),
+                    y + 0.1 * wave(3 * k + 1),
+                    theta,
+                ))
+            })
+            .collect(),
+        landmarks: scene
+            .landmarks
+            .iter()
+            .enumerate()
+            .map(|(k, p)| {
+                let shift = [0.1 * wave(2 * k + 1000), 0.1 * wave(2 * k + 1001)];
+                Some(Point2::new(p.x + shift[0], p.y + shift[1]))
+            })
+            .collect(),
+    }
+}
+
+fn refinement(criterion: &mut Criterion) {
+    for (views, landmarks) in SIZES {
+        let scene = scene(views, landmarks, 3);
+        let problem = Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem");
+        let start = guess(&scene);
+        for (name, max_iterations) in [("one iteration", 1), ("to convergence", 100)] {
+            let options = RefineOptions {
+                max_iterations,
+                ..RefineOptions::default()
+            };
+            criterion.bench_function(&format!("refine/{name}/{views}x{landmarks}"), |bencher| {
+                bencher.iter_batched_ref(
+                    || start.clone(),
+                    |map| refine_map(black_box(&problem), map, &options, None),
+                    BatchSize::SmallInput,
+                );
+            });
+        }
+    }
+}
+
+fn whole(criterion: &mut Criterion) {
+    for (views, landmarks) in SIZES {
+        // Several scenes, or the figure would be that of one scene's luck.
+        let problems: Vec<Problem<f64>> = (0..16)
+            .map(|seed| {
+                let scene = scene(views, landmarks, seed);
+                Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem")
+            })
+            .collect();
+        let options = SolveOptions::default();
+        let mut next = 0;
+        criterion.bench_function(
+            &format!("solve from nothing/{views}x{landmarks}"),
+            |bencher| {
+                bencher.iter(|| {
+                    next = (next + 1) % problems.len();
+                    solve(black_box(&problems[next]), &options, None)
+                });
+            },
+        );
+    }
+}
+
+fn all(criterion: &mut Criterion) {
+    three_views::<f64>(criterion, "f64");
+    three_views::<f32>(criterion, "f32");
+    three_views_with_landmarks(criterion);
+    kernels(criterion);
+    refinement(criterion);
+    whole(criterion);
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(30)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1));
+    targets = all
+}
+criterion_main!(benches);

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Scenes as problems, and distances from the truth.
+
+use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Real, Scene, Triple, align, simulate};
+use nalgebra::Point2;
+
+pub const LAYOUTS: [Layout; 2] = [Layout::Mixed, Layout::Enclosed];
+
+pub fn scene(layout: Layout, views: usize, landmarks: usize, noise_deg: f64, seed: u64) -> Scene {
+    let arena = Arena::default();
+    simulate(
+        layout,
+        views,
+        landmarks,
+        noise_deg.to_radians(),
+        seed,
+        arena,
+    )
+    .unwrap()
+}
+
+pub fn problem(scene: &Scene) -> Problem<f64> {
+    let landmarks = scene.landmarks.len();
+    Problem::dense(scene.poses.len(), landmarks, &scene.bearings, 1.0).unwrap()
+}
+
+pub fn truth(scene: &Scene) -> Map<f64> {
+    map(&scene.poses, &scene.landmarks)
+}
+
+pub fn map(poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> Map<f64> {
+    Map {
+        poses: poses.iter().copied().map(Some).collect(),
+        landmarks: landmarks.iter().copied().map(Some).collect(),
+    }
+}
+
+/// The bearings of the first three views.
+pub fn triples(scene: &Scene) -> Vec<Triple<f64>> {
+    let count = scene.landmarks.len();
+    (0..count)
+        .map(|j| [0, 1, 2].map(|i| Bearing::new(scene.bearings[i * count + j])))
+        .collect()
+}
+
+/// Largest distance of a complete map from the truth after alignment, over the size of the arena.
+pub fn error<T: Real>(found: &Map<T>, scene: &Scene) -> f64 {
+    let wide = |p: Point2<T>| Point2::new(p.x.as_f64(), p.y.as_f64());
+    let views = found
+        .poses
+        .iter()
+        .map(|pose| wide(pose.unwrap().translation.vector.into()));
+    let found: Vec<Point2<f64>> = views
+        .chain(found.landmarks.iter().map(|p| wide(p.unwrap())))
+        .collect();
+    let truth: Vec<Point2<f64>> = scene
+        .poses
+        .iter()
+        .map(|pose| pose.translation.vector.into())
+        .chain(scene.landmarks.iter().copied())
+        .collect();
+    let similarity = align(&found, &truth).unwrap();
+    found
+        .iter()
+        .zip(&truth)
+        .map(|(f, t)| (similarity.transform_point(f) - t).norm())
+        .fold(0.0, f64::max)
+        / Arena::default().width
+}

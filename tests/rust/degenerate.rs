@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Geometry that does not determine the answer: a named error or a flagged result, never a made-up map.
+
+use bearslam::{
+    Bearing, Error, Method, Pose, Problem, Sighting, SolveOptions, bearing_to, pose, resect, solve,
+    three_view, triangulate,
+};
+use nalgebra::Point2;
+
+fn bearings(poses: &[Pose<f64>], points: &[Point2<f64>], noise: f64) -> Vec<f64> {
+    let mut phase = 0.3_f64;
+    poses
+        .iter()
+        .flat_map(|pose| points.iter().map(move |point| (pose, point)))
+        .map(|(pose, point)| {
+            phase += 2.399;
+            bearing_to(pose, point).unwrap().angle() + noise * 1.4 * (phase * phase).sin()
+        })
+        .collect()
+}
+
+fn wall() -> Vec<Point2<f64>> {
+    [0.0, 0.7, 1.9, 3.0, 3.3, 4.4, 5.0, 6.1]
+        .map(|x| Point2::new(x, 4.0 + 0.1 * x))
+        .into()
+}
+
+fn room() -> Vec<Point2<f64>> {
+    [
+        (0.5, 4.0),
+        (6.0, 3.5),
+        (3.0, 5.0),
+        (1.0, -1.0),
+        (5.0, -0.5),
+        (-1.0, 2.0),
+        (7.0, 1.0),
+        (3.5, 4.2),
+    ]
+    .map(|(x, y)| Point2::new(x, y))
+    .into()
+}
+
+fn three() -> [Pose<f64>; 3] {
+    [
+        pose(0.3, 0.2, 0.1),
+        pose(2.9, 0.9, 1.2),
+        pose(4.7, -0.3, -0.7),
+    ]
+}
+
+fn solve_exact(poses: &[Pose<f64>], points: &[Point2<f64>], noise: f64) -> Result<f64, Error> {
+    let table = bearings(poses, points, noise);
+    let problem = Problem::dense(poses.len(), points.len(), &table, 1.0).unwrap();
+    solve(&problem, &SolveOptions::default(), None).map(|found| found.uncertainty)
+}
+
+#[test]
+fn landmarks_along_one_wall() {
+    assert!(matches!(
+        solve_exact(&three(), &wall(), 0.0),
+        Err(Error::Degenerate { .. })
+    ));
+    // More views of the wall do not help.
+    let many: Vec<Pose<f64>> = (0..6)
+        .map(|k| pose(f64::from(k), (1.3 * f64::from(k)).sin(), 0.4))
+        .collect();
+    assert!(matches!(
+        solve_exact(&many, &wall(), 0.0),
+        Err(Error::Degenerate { .. })
+    ));
+    // With noise the map is flagged by its uncertainty, or refused.
+    let uncertainty = solve_exact(&three(), &wall(), 0.01).unwrap_or(f64::INFINITY);
+    assert!(uncertainty > 0.3, "{uncertainty}");
+    // The same views in a room: well determined.
+    let uncertainty = solve_exact(&three(), &room(), 0.01).unwrap();
+    assert!(uncertainty < 0.3, "{uncertainty}");
+}
+
+#[test]
+fn views_in_one_place() {
+    let turning = [
+        pose(1.0, 1.0, 0.0),
+        pose(1.0, 1.0, 0.9),
+        pose(1.0, 1.0, 2.0),
+    ];
+    assert!(matches!(
+        solve_exact(&turning, &room(), 0.0),
+        Err(Error::Degenerate { .. })
+    ));
+    let [a, b, _] = three();
+    let twice = [a, b, pose(b.translation.x, b.translation.y, 0.3)];
+    assert!(matches!(
+        solve_exact(&twice, &room(), 0.0),
+        Err(Error::Degenerate { .. })
+    ));
+}
+
+#[test]
+fn everything_on_one_circle() {
+    let at = |angle: f64| Point2::new(3.0 * angle.cos(), 3.0 * angle.sin());
+    let points: Vec<_> = (0..8).map(|k| at(0.7 * f64::from(k))).collect();
+    let poses: Vec<_> = (0..5)
+        .map(|k| {
+            let p = at(0.35 + 1.1 * f64::from(k));
+            pose(p.x, p.y, 0.4 * f64::from(k))
+        })
+        .collect();
+    assert!(matches!(
+        solve_exact(&poses, &points, 0.0),
+        Err(Error::Degenerate { .. })
+    ));
+}
+
+#[test]
+fn all_bearings_alike() {
+    for value in [0.0, 1.0, -3.0] {
+        let problem = Problem::dense(5, 8, &[value; 40], 1.0).unwrap();
+        let error = solve(&problem, &SolveOptions::default(), None).unwrap_err();
+        assert!(matches!(error, Error::Degenerate { .. }), "{error}");
+    }
+}
+
+#[test]
+fn kernels_name_the_number() {
+    let parallel = [pose(0.0, 0.0, 0.5), pose(1.0, 0.0, 0.5)].map(|p| (p, Bearing::new(0.2)));
+    let Err(Error::Degenerate {
+        quantity,
+        value,
+        bound,
+    }) = triangulate(parallel)
+    else {
+        panic!("parallel rays meet nowhere");
+    };
+    assert_eq!(quantity, "parallax of the rays");
+    assert!(value <= bound);
+
+    // A view on one circle with its landmarks is free to move along it.
+    let on_circle = |angle: f64| Point2::new(angle.cos(), angle.sin());
+    let view = pose(1.0, 0.0, 0.7);
+    let seen = [1.0, 2.0, 3.0, 4.5].map(|angle| {
+        let point = on_circle(angle);
+        (point, bearing_to(&view, &point).unwrap())
+    });
+    assert!(matches!(resect(seen), Err(Error::Degenerate { .. })));
+    // Landmarks in one place, and landmarks in one line of sight.
+    let one = [Point2::new(1.0, 2.0); 3].map(|p| (p, Bearing::new(0.1)));
+    assert!(matches!(resect(one), Err(Error::Degenerate { .. })));
+    let line = [1.0, 2.0, 3.0].map(|x| (Point2::new(x, x), Bearing::new(0.1)));
+    assert!(matches!(resect(line), Err(Error::Degenerate { .. })));
+
+    let table = bearings(&three(), &wall(), 0.0);
+    let triples: Vec<_> = (0..8)
+        .map(|j| [0, 1, 2].map(|i| Bearing::new(table[8 * i + j])))
+        .collect();
+    for method in [Method::Calibrated { reweights: 2 }, Method::Projective] {
+        let error = three_view(&triples, method).unwrap_err();
+        assert!(matches!(error, Error::Degenerate { .. }), "{error}");
+        assert!(error.to_string().starts_with("degenerate geometry: "));
+    }
+}
+
+#[test]
+fn wrong_input_names_argument_place_and_value() {
+    let good = Sighting {
+        view: 0,
+        landmark: 0,
+        bearing: 0.1,
+        sigma: 1.0,
+    };
+    let cases = [
+        (
+            Sighting { view: 3, ..good },
+            "view: expected indices below 3, got 3 at index 1",
+        ),
+        (
+            Sighting {
+                landmark: 9,
+                ..good
+            },
+            "landmark: expected indices below 5, got 9 at index 1",
+        ),
+        (
+            Sighting {
+                bearing: f64::INFINITY,
+                ..good
+            },
+            "bearing: expected finite numbers, got one that is not at index 1",
+        ),
+        (
+            Sighting { sigma: 0.0, ..good },
+            "sigma: expected positive numbers, got 0 at index 1",
+        ),
+        (
+            good,
+            "sightings: expected each view to see a landmark once, got view 0 seeing landmark 0 at index 0 and again at index 1",
+        ),
+    ];
+    for (bad, message) in cases {
+        let error = Problem::new(3, 5, &[good, bad]).unwrap_err();
+        assert_eq!(error.to_string(), message);
+    }
+    assert!(Problem::dense(3, 5, &[0.0; 14], 1.0).is_err());
+    assert!(Problem::dense(3, 5, &[f64::INFINITY; 15], 1.0).is_err());
+    assert!(Problem::dense(3, 5, &[0.0; 15], -1.0).is_err());
+}

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Tests of the crate from outside, one module per concept.
+
+mod batch;
+mod common;
+mod degenerate;
+mod layers;
+mod properties;
+mod reference;
+mod refinement;
+mod single;
+mod solve;

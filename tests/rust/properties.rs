@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What holds for every scene, and that no numbers make the code panic or answer with nonsense.
+
+use crate::common::{error, problem, scene, triples};
+use bearslam::{
+    Bearing, Layout, Method, Problem, SolveOptions, Triple, resect, solve, three_view, triangulate,
+};
+use nalgebra::Point2;
+use proptest::prelude::*;
+
+const CALIBRATED: Method = Method::Calibrated { reweights: 2 };
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn turning_a_view_turns_its_heading_only(seed in 0_u64..10_000, turn in -3.0..3.0_f64) {
+        let scene = scene(Layout::Enclosed, 3, 9, 0.2, seed);
+        let before = triples(&scene);
+        let after: Vec<Triple<f64>> = before
+            .iter()
+            .map(|[u, v, w]| [*u, *v * Bearing::new(-turn), *w])
+            .collect();
+        let (a, b) = (three_view(&before, CALIBRATED)?, three_view(&after, CALIBRATED)?);
+        for (a, b) in a.motions.iter().zip(&b.motions) {
+            for view in 0..3 {
+                let shift = a.poses[view].translation.vector - b.poses[view].translation.vector;
+                prop_assert!(shift.norm() < 1e-6);
+            }
+            let turned = a.poses[1].rotation * Bearing::new(turn);
+            prop_assert!(turned.angle_to(&b.poses[1].rotation).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn both_motions_fit_modulo_pi(seed in 0_u64..10_000) {
+        let scene = scene(Layout::Mixed, 3, 8, 0.0, seed);
+        let triples = triples(&scene);
+        for motion in three_view(&triples, CALIBRATED)?.motions {
+            for triple in &triples {
+                let point = motion.landmark(triple).unwrap();
+                for (pose, bearing) in motion.poses.iter().zip(triple) {
+                    let seen = pose.inverse_transform_point(&point).coords;
+                    let sine = (bearing.re * seen.y - bearing.im * seen.x) / seen.norm();
+                    prop_assert!(sine.abs() < 1e-6, "{sine:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn order_of_views_and_landmarks_does_not_matter(seed in 0_u64..1_000) {
+        let scene = scene(Layout::Mixed, 5, 9, 0.0, seed);
+        let turned: Vec<f64> = scene.bearings.iter().rev().copied().collect();
+        let found = solve(&Problem::dense(5, 9, &turned, 1.0)?, &SolveOptions::default(), None)?;
+        let mut map = found.map;
+        map.poses.reverse();
+        map.landmarks.reverse();
+        prop_assert!(error(&map, &scene) < 1e-7);
+    }
+
+    #[test]
+    fn any_bearings_give_a_finite_answer_or_an_error(
+        angles in prop::collection::vec(prop_oneof![-10.0..10.0_f64, Just(0.0), Just(1e300), Just(5e-324)], 3 * 8)
+    ) {
+        let triples: Vec<Triple<f64>> = angles
+            .chunks_exact(3)
+            .map(|a| [0, 1, 2].map(|k| Bearing::new(a[k])))
+            .collect();
+        for method in [CALIBRATED, Method::Projective] {
+            if let Ok(found) = three_view(&triples, method) {
+                for motion in found.motions {
+                    prop_assert!(motion.cost.is_finite());
+                    prop_assert!(motion.poses.iter().all(|p| p.to_homogeneous().iter().all(|v| v.is_finite())));
+                }
+            }
+        }
+        if let Ok(found) = solve(&Problem::dense(4, 6, &angles, 1.0)?, &SolveOptions::default(), None) {
+            prop_assert!(found.cost.is_finite());
+            prop_assert!(found.map.poses.iter().flatten().all(|p| p.to_homogeneous().iter().all(|v| v.is_finite())));
+        }
+    }
+
+    #[test]
+    fn any_places_give_a_finite_answer_or_an_error(
+        values in prop::collection::vec(prop_oneof![-1e3..1e3_f64, Just(0.0), Just(1e100), Just(1e-100)], 15)
+    ) {
+        let rays = values.chunks_exact(4).map(|v| (bearslam::pose(v[0], v[1], v[2]), Bearing::new(v[3])));
+        if let Ok(found) = triangulate(rays) {
+            prop_assert!(found.point.coords.norm().is_finite());
+        }
+        let seen = values.chunks_exact(3).map(|v| (Point2::new(v[0], v[1]), Bearing::new(v[2])));
+        if let Ok(found) = resect(seen) {
+            prop_assert!(found.pose.to_homogeneous().iter().all(|v| v.is_finite()));
+        }
+    }
+}
+
+#[test]
+fn tensors_vanish_on_their_landmarks() {
+    for seed in 0..50 {
+        let scene = scene(Layout::Mixed, 3, 9, 0.0, seed);
+        let triples = triples(&scene);
+        for method in [Method::Calibrated { reweights: 0 }, Method::Projective] {
+            let tensor = bearslam::trifocal_tensor(&triples, method).unwrap();
+            assert!((tensor.norm() - 1.0).abs() < 1e-14);
+            for triple in &triples {
+                assert!(tensor.residual(triple).abs() < 1e-11);
+                assert!(tensor.sampson_residual(triple).abs() < 1e-8);
+            }
+        }
+        assert_eq!(problem(&scene).sightings().len(), 27);
+    }
+}

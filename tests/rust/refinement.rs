@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Levenberg-Marquardt over all poses and landmarks.
+
+use crate::common::{LAYOUTS, error, problem, scene, truth};
+use bearslam::{
+    Error, Layout, Map, Problem, RefineOptions, Sighting, Termination, refine, refine_map,
+};
+
+/// The truth, shifted and turned by some centimetres and degrees.
+fn guess(scene: &bearslam::Scene, size: f64) -> Map<f64> {
+    let mut map = truth(scene);
+    let mut phase = 0.0_f64;
+    let mut next = || {
+        phase += 1.7;
+        size * (phase * phase).sin()
+    };
+    for pose in map.poses.iter_mut().flatten() {
+        let (x, y, theta) = (
+            pose.translation.x,
+            pose.translation.y,
+            pose.rotation.angle(),
+        );
+        *pose = bearslam::pose(x + next(), y + next(), theta + next());
+    }
+    for point in map.landmarks.iter_mut().flatten() {
+        point.x += next();
+        point.y += next();
+    }
+    map
+}
+
+#[test]
+fn the_truth_of_exact_bearings_is_kept() {
+    let scene = scene(Layout::Mixed, 5, 8, 0.0, 1);
+    let mut map = truth(&scene);
+    let report = refine_map(&problem(&scene), &mut map, &RefineOptions::default(), None).unwrap();
+    assert_eq!(report.termination, Termination::ZeroResidual);
+    assert_eq!(report.iterations, 0);
+    assert_eq!(map, truth(&scene));
+}
+
+#[test]
+fn exact_bearings_pull_a_guess_to_the_truth() {
+    // Both ways round: more landmarks than poses eliminates landmarks, fewer eliminates poses.
+    for (views, landmarks) in [(4, 30), (30, 4), (8, 11)] {
+        for layout in LAYOUTS {
+            let scene = scene(layout, views, landmarks, 0.0, 2);
+            let mut map = guess(&scene, 0.05);
+            let options = RefineOptions::default();
+            let report = refine_map(&problem(&scene), &mut map, &options, None).unwrap();
+            assert!(report.termination.was_successful(), "{report:?}");
+            assert!(error(&map, &scene) < 1e-8, "{views}x{landmarks} {report:?}");
+        }
+    }
+}
+
+#[test]
+fn a_minimum_is_a_minimum() {
+    let scene = scene(Layout::Mixed, 8, 11, 1.0, 3);
+    let problem = problem(&scene);
+    let before: f64 = truth(&scene)
+        .residuals(&problem)
+        .flatten()
+        .map(|r| 0.5 * r * r)
+        .sum();
+    let found = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+    assert!(found.cost < before);
+    assert_eq!(found.termination, Termination::Converged);
+    // Every parameter moved a little either way raises the cost: the gradient is zero.
+    let cost = |map: &Map<f64>| {
+        map.residuals(&problem)
+            .flatten()
+            .map(|r| 0.5 * r * r)
+            .sum::<f64>()
+    };
+    assert!((cost(&found.map) / found.cost - 1.0).abs() < 1e-12);
+    for landmark in 0..11 {
+        for (dx, dy) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-3), (0.0, -1e-3)] {
+            let mut moved = found.map.clone();
+            let point = moved.landmarks[landmark].as_mut().unwrap();
+            point.x += dx;
+            point.y += dy;
+            assert!(cost(&moved) > found.cost);
+        }
+    }
+    for view in 1..8 {
+        for step in [-1e-3, 1e-3] {
+            for axis in 0..3 {
+                let mut moved = found.map.clone();
+                let pose = moved.poses[view].as_mut().unwrap();
+                let mut values = [
+                    pose.translation.x,
+                    pose.translation.y,
+                    pose.rotation.angle(),
+                ];
+                values[axis] += step;
+                *pose = bearslam::pose(values[0], values[1], values[2]);
+                assert!(cost(&moved) > found.cost);
+            }
+        }
+    }
+}
+
+#[test]
+fn undamped_is_gauss_newton() {
+    let scene = scene(Layout::Enclosed, 8, 11, 0.5, 5);
+    let problem = problem(&scene);
+    let damped = refine(
+        &problem,
+        &guess(&scene, 0.02),
+        &RefineOptions::default(),
+        None,
+    )
+    .unwrap();
+    let options = RefineOptions {
+        damping: 0.0,
+        ..RefineOptions::default()
+    };
+    let undamped = refine(&problem, &guess(&scene, 0.02), &options, None).unwrap();
+    assert!(undamped.termination.was_successful());
+    assert!((undamped.cost / damped.cost - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn weights_are_repetitions() {
+    // A sighting with half the sigma counts four times.
+    let scene = scene(Layout::Mixed, 4, 8, 1.0, 6);
+    let sightings: Vec<Sighting<f64>> = (0..32)
+        .map(|k| Sighting {
+            view: k / 8,
+            landmark: k % 8,
+            bearing: scene.bearings[k],
+            sigma: if k % 3 == 0 { 0.5 } else { 1.0 },
+        })
+        .collect();
+    let problem = Problem::new(4, 8, &sightings).unwrap();
+    let found = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+    let sum: f64 = found
+        .residuals
+        .iter()
+        .enumerate()
+        .map(|(k, r)| r.unwrap().powi(2) * if k % 3 == 0 { 4.0 } else { 1.0 })
+        .sum();
+    assert!((0.5 * sum / found.cost - 1.0).abs() < 1e-12);
+    let plain = Problem::dense(4, 8, &scene.bearings, 1.0).unwrap();
+    let plain = refine(&plain, &truth(&scene), &RefineOptions::default(), None).unwrap();
+    assert!(plain.cost < found.cost);
+}
+
+#[test]
+fn sparse_and_dense_elimination_agree() {
+    // Groups that see much go through matrix products, groups that see little are scattered.
+    for (sight, dense) in [(5.0, true), (2.1, false)] {
+        let arena = bearslam::Arena {
+            width: 14.0,
+            height: 10.0,
+            sight,
+        };
+        let (views, landmarks) = (80, 120);
+        let scene =
+            bearslam::simulate(Layout::Trajectory, views, landmarks, 0.003, 3, arena).unwrap();
+        let problem = Problem::dense(views, landmarks, &scene.bearings, 1.0).unwrap();
+        assert_eq!(problem.sightings().len() * 8 >= views * landmarks, dense);
+        let found = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+        assert!(
+            found.termination.was_successful(),
+            "{:?}",
+            found.termination
+        );
+        let known = found.map.poses.iter().flatten().count() * 3
+            + found.map.landmarks.iter().flatten().count() * 2;
+        let sightings = found.residuals.iter().flatten().count();
+        let sigma = (2.0 * found.cost / (sightings + 4 - known) as f64).sqrt();
+        assert!((sigma / 0.003 - 1.0).abs() < 0.15, "{sigma}");
+    }
+}
+
+#[test]
+fn wrong_starts_are_errors() {
+    let scene = scene(Layout::Mixed, 4, 7, 0.0, 0);
+    let problem = problem(&scene);
+    let mut short = truth(&scene);
+    short.poses.pop();
+    let options = RefineOptions::default();
+    assert_eq!(
+        refine_map(&problem, &mut short, &options, None),
+        Err(Error::LengthMismatch {
+            what: "poses",
+            expected: 4,
+            got: 3
+        })
+    );
+    let mut empty = Map::empty(4, 7);
+    assert!(matches!(
+        refine_map(&problem, &mut empty, &options, None),
+        Err(Error::TooFew { .. })
+    ));
+    let mut infinite = truth(&scene);
+    infinite.landmarks[0].as_mut().unwrap().x = f64::INFINITY;
+    assert!(matches!(
+        refine_map(&problem, &mut infinite, &options, None),
+        Err(Error::NotFinite { .. })
+    ));
+    let mut interrupted = guess(&scene, 0.1);
+    assert_eq!(
+        refine_map(
+            &problem,
+            &mut interrupted,
+            &options,
+            Some(&mut |_, _| false)
+        ),
+        Err(Error::Interrupted)
+    );
+}
+
+#[test]
+fn a_landmark_on_its_view_does_not_stop_the_work() {
+    let scene = scene(Layout::Mixed, 5, 8, 0.5, 0);
+    let mut map = truth(&scene);
+    map.landmarks[2] = Some(map.poses[1].unwrap().translation.vector.into());
+    let report = refine_map(&problem(&scene), &mut map, &RefineOptions::default(), None).unwrap();
+    assert!(report.cost.is_finite());
+}
