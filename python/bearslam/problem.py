@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from bearslam.coerce import FloatArray, IntArray, floats, indices, plain, quote
 from bearslam.errors import InvalidInputError
 
+PAIRS = 2**33
+"""Pairs of a view and a landmark, one bit each in the core: 1 GB."""
 SIGMA_RANGE = (1e-100, 1e100)
 """Standard deviations whose squares, and theirs in turn, are numbers [rad]."""
 
@@ -159,7 +161,13 @@ def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0) -> Table:
             raise InvalidInputError("sigma: the sightings come with standard deviations of their own; give only one")
         else:
             each = problem.sigma
-        return Table(problem.view_count, problem.landmark_count, problem, each, dense=False)
+        views, landmarks = problem.view_count, problem.landmark_count
+        if views * landmarks > PAIRS:
+            raise InvalidInputError(
+                f"sightings: expected indices that leave few numbers out, got {len(problem)} sightings of "
+                f"{landmarks} landmarks from {views} views"
+            )
+        return Table(views, landmarks, problem, each, dense=False)
     bearings = floats("bearings", problem, ("m", "n"), missing=True)
     seen = ~np.isnan(bearings)
     if not seen.any():

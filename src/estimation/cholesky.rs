@@ -8,20 +8,73 @@ use crate::scalar::Real;
 ///
 /// `false` when a pivot is not positive: the matrix is not positive definite in this arithmetic.
 pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
-    for i in 0..n {
+    // Two rows at a time against two rows: each number loaded serves twice.
+    let even = n - n % 2;
+    for i in (0..even).step_by(2) {
         let (above, rest) = matrix.split_at_mut(i * n);
-        let row = &mut rest[..=i];
-        for j in 0..i {
+        let (first, second) = rest.split_at_mut(n);
+        for j in (0..i).step_by(2) {
+            let (p, q) = (&above[j * n..][..=j], &above[(j + 1) * n..][..=j + 1]);
+            let [fp, fq, sp, sq] = dots([&first[..j], &second[..j]], [&p[..j], &q[..j]]);
+            first[j] = (first[j] - fp) * p[j];
+            second[j] = (second[j] - sp) * p[j];
+            first[j + 1] = (first[j + 1] - fq - first[j] * q[j]) * q[j + 1];
+            second[j + 1] = (second[j + 1] - sq - second[j] * q[j]) * q[j + 1];
+        }
+        let [ff, _, sf, ss] = dots([&first[..i], &second[..i]], [&first[..i], &second[..i]]);
+        let Some(inverse) = inverse_root(first[i] - ff) else {
+            return false;
+        };
+        first[i] = inverse;
+        second[i] = (second[i] - sf) * inverse;
+        let Some(inverse) = inverse_root(second[i + 1] - ss - second[i] * second[i]) else {
+            return false;
+        };
+        second[i + 1] = inverse;
+    }
+    if even < n {
+        let (above, row) = matrix.split_at_mut(even * n);
+        for j in 0..even {
             let other = &above[j * n..][..=j];
             row[j] = (row[j] - dot(&row[..j], &other[..j])) * other[j];
         }
-        let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if !(pivot > T::zero()) {
+        let Some(inverse) = inverse_root(row[even] - dot(&row[..even], &row[..even])) else {
             return false;
-        }
-        row[i] = T::one() / pivot.sqrt();
+        };
+        row[even] = inverse;
     }
     true
+}
+
+/// One over the square root of a positive number.
+#[inline]
+fn inverse_root<T: Real>(pivot: T) -> Option<T> {
+    (pivot > T::zero()).then(|| T::one() / pivot.sqrt())
+}
+
+/// The four inner products of two rows with two rows.
+#[inline]
+fn dots<T: Real>([a, b]: [&[T]; 2], [p, q]: [&[T]; 2]) -> [T; 4] {
+    let mut sums = [[T::zero(); 2]; 4];
+    let (a2, a_rest) = a.as_chunks::<2>();
+    let (b2, b_rest) = b.as_chunks::<2>();
+    let (p2, p_rest) = p.as_chunks::<2>();
+    let (q2, q_rest) = q.as_chunks::<2>();
+    for ((a, b), (p, q)) in a2.iter().zip(b2).zip(p2.iter().zip(q2)) {
+        for k in 0..2 {
+            sums[0][k] += a[k] * p[k];
+            sums[1][k] += a[k] * q[k];
+            sums[2][k] += b[k] * p[k];
+            sums[3][k] += b[k] * q[k];
+        }
+    }
+    for ((a, b), (p, q)) in a_rest.iter().zip(b_rest).zip(p_rest.iter().zip(q_rest)) {
+        sums[0][0] += *a * *p;
+        sums[1][0] += *a * *q;
+        sums[2][0] += *b * *p;
+        sums[3][0] += *b * *q;
+    }
+    sums.map(|[even, odd]| even + odd)
 }
 
 /// Solves `L L^T x = b` in place with the factor of [`factorize`].

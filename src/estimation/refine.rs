@@ -18,7 +18,8 @@ pub struct RefineOptions<T: Real> {
     /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
     /// steps, ending when one does not lower the cost.
     pub damping: T,
-    /// Ends when a step lowers the cost by less than this part of it.
+    /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
+    /// this part of it.
     pub tolerance: T,
 }
 
@@ -38,7 +39,7 @@ impl<T: Real> Default for RefineOptions<T> {
 pub enum Termination {
     /// No refinement was asked for.
     NotRefined,
-    /// The last step lowered the cost by less than the tolerance.
+    /// A further step would lower the cost by less than the tolerance.
     Converged,
     /// The residuals are zero up to rounding.
     ZeroResidual,
@@ -315,6 +316,7 @@ where
     }) * T::lit(0.5);
     let mut damping = options.damping;
     let mut iterations = 0;
+    let mut last_gain = T::zero();
     loop {
         if cost <= zero {
             return Ok((cost, Termination::ZeroResidual, iterations));
@@ -349,9 +351,18 @@ where
             return Ok((cost, Termination::Singular, iterations));
         }
         if let Some((gained, predicted)) = lower {
-            if gained <= options.tolerance * cost {
+            // Near the minimum each gain is a small, shrinking part of the one before: what is left
+            // to gain is at most the next one.
+            let rate = gained / last_gain;
+            let left = if rate < T::lit(CONVERGING) {
+                gained * rate
+            } else {
+                gained
+            };
+            if left <= options.tolerance * cost {
                 return Ok((cost, Termination::Converged, iterations));
             }
+            last_gain = gained;
             let ratio = gained / predicted;
             if ratio > T::lit(0.75) {
                 damping *= T::lit(0.1);
@@ -373,6 +384,9 @@ where
 {
     Linearized { problem, rows: &[] }.kept()
 }
+
+/// Ratio of successive gains below which the next one is foreseen.
+const CONVERGING: f64 = 0.05;
 
 /// Damping beyond which a step is too small to be one.
 const MAX_DAMPING: f64 = 1e8;

@@ -5,7 +5,7 @@
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
 use super::motion::{LineMotion, Motion};
-use super::triangular::{NullSpace, TriangularFactor};
+use super::triangular::TriangularFactor;
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
 use crate::scalar::Real;
@@ -54,9 +54,16 @@ impl<T: Real> CalibratedTensor<T> {
                 got: triples.len(),
             });
         }
-        let mut tensor = Self::from_null_space(&null_space(triples, |_| T::one()));
-        for _ in 0..reweights {
-            tensor = Self::from_null_space(&null_space(triples, |row| tensor.weight(row)));
+        let estimate = |mut factor: TriangularFactor<T, 6>| {
+            let (vector, singular_values) = factor.null_vector();
+            Self::from_vector(&vector, singular_values)
+        };
+        let mut tensor = estimate(factor(triples, |_| T::one()));
+        // Five landmarks are explained exactly, however they are weighted.
+        if triples.len() > MIN_LANDMARKS {
+            for _ in 0..reweights {
+                tensor = estimate(factor(triples, |row| tensor.weight(row)));
+            }
         }
         let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
         if tensor.singular_values[1] > bound {
@@ -81,7 +88,7 @@ impl<T: Real> CalibratedTensor<T> {
     /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
     /// more landmarks.
     pub fn null_pair(triples: &[Triple<T>]) -> [Self; 2] {
-        let null = null_space(triples, |_| T::one());
+        let null = factor(triples, |_| T::one()).null_space();
         let [first, second] = null.vectors;
         [
             Self::from_vector(&first, null.singular_values),
@@ -98,10 +105,6 @@ impl<T: Real> CalibratedTensor<T> {
             }),
             singular_values: a.singular_values,
         }
-    }
-
-    fn from_null_space(null: &NullSpace<T, 6>) -> Self {
-        Self::from_vector(&null.vectors[0], null.singular_values)
     }
 
     fn from_vector(v: &Vector6<T>, singular_values: [T; 2]) -> Self {
@@ -225,11 +228,11 @@ impl<T: Real> CalibratedTensor<T> {
     }
 }
 
-/// The null space of the rows `[Re p, Im p, Re q, Im q, Re r, Im r]`, each times its weight.
-fn null_space<T: Real>(
+/// The triangular factor of the rows `[Re p, Im p, Re q, Im q, Re r, Im r]`, each times its weight.
+fn factor<T: Real>(
     triples: &[Triple<T>],
     weight: impl Fn(&[Complex<T>; 3]) -> T,
-) -> NullSpace<T, 6> {
+) -> TriangularFactor<T, 6> {
     let mut factor = TriangularFactor::<T, 6>::new();
     for [u, v, w] in triples {
         let row = products(u.into_inner(), v.into_inner(), w.into_inner());
@@ -237,7 +240,7 @@ fn null_space<T: Real>(
         let [p, q, r] = row.map(|z| z * weight);
         factor.push([p.re, p.im, q.re, q.im, r.re, r.im]);
     }
-    factor.null_space()
+    factor
 }
 
 /// `e^{i(a+b-c)}`, `e^{i(a-b+c)}`, `e^{i(-a+b+c)}`.
@@ -260,10 +263,9 @@ fn square_root<T: Real>(z: Complex<T>) -> Complex<T> {
     let half = T::lit(0.5);
     let large = ((T::one() + z.re.abs()) * half).sqrt();
     let small = z.im * half / large;
-    let root = if z.re >= T::zero() {
+    if z.re >= T::zero() {
         Complex::new(large, small)
     } else {
         Complex::new(small, large)
-    };
-    root * (T::one() / root.norm_sqr().sqrt())
+    }
 }

@@ -36,9 +36,9 @@ impl<T: Real> LineMotion<T> {
     /// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
     /// sightings decides; turning all three is turning the map.
     pub fn settle(&self, triples: &[Triple<T>]) -> Motion<T> {
-        let mut behind = [0_usize; 3];
-        // Squared residuals of each view as it stands, and turned by pi.
-        let mut squares = [[T::zero(); 2]; 3];
+        // Per view the sightings that point at their landmark and those that point away: number, sum
+        // and sum of squares of the angles by which they miss the line.
+        let mut tallies = [[Tally::default(); 2]; 3];
         for triple in triples {
             let rays = self.rays(triple);
             let Some(point) = meet(&rays, &self.positions) else {
@@ -46,24 +46,21 @@ impl<T: Real> LineMotion<T> {
             };
             for view in 0..3 {
                 let seen = rays[view].conj() * (point - self.positions[view]);
-                let small = signed_angle(seen.re.abs(), seen.im).abs();
-                let large = T::pi() - small;
-                let away = usize::from(seen.re < T::zero());
-                behind[view] += away;
-                squares[view][away] += small * small;
-                squares[view][1 - away] += large * large;
+                let angle = signed_angle(seen.re.abs(), seen.im).abs();
+                tallies[view][usize::from(seen.re < T::zero())].add(angle);
             }
         }
-        let turned = behind.map(|count| 2 * count > triples.len());
+        let turned = tallies.map(|[at, away]| away.count > at.count);
         let mut cost = T::zero();
         let mut inconsistent = 0;
         for view in 0..3 {
-            cost += squares[view][usize::from(turned[view])];
-            inconsistent += if turned[view] {
-                triples.len() - behind[view]
+            let [at, away] = if turned[view] {
+                [tallies[view][1], tallies[view][0]]
             } else {
-                behind[view]
+                tallies[view]
             };
+            cost += at.squares + away.squares_from_behind();
+            inconsistent += away.count;
         }
         let map_sign = if turned[0] { -T::one() } else { T::one() };
         let scale = map_sign / self.positions[1].norm_sqr().sqrt();
@@ -88,6 +85,39 @@ impl<T: Real> LineMotion<T> {
 
     fn rays(&self, triple: &Triple<T>) -> [Complex<T>; 3] {
         core::array::from_fn(|view| self.headings[view] * triple[view].into_inner())
+    }
+}
+
+/// Sightings of one view with one sign.
+#[derive(Clone, Copy)]
+struct Tally<T: Real> {
+    count: usize,
+    sum: T,
+    squares: T,
+}
+
+impl<T: Real> Default for Tally<T> {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            sum: T::zero(),
+            squares: T::zero(),
+        }
+    }
+}
+
+impl<T: Real> Tally<T> {
+    #[inline]
+    fn add(&mut self, angle: T) {
+        self.count += 1;
+        self.sum += angle;
+        self.squares += angle * angle;
+    }
+
+    /// Sum of squares of pi less the angles.
+    fn squares_from_behind(&self) -> T {
+        let count = T::lit(self.count as f64);
+        (T::pi() * count - T::lit(2.0) * self.sum) * T::pi() + self.squares
     }
 }
 

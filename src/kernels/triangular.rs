@@ -5,7 +5,7 @@ use crate::scalar::Real;
 use nalgebra::SVector;
 
 /// Rows that are eliminated together, by one Householder reflection per column.
-const BLOCK: usize = 8;
+const BLOCK: usize = 6;
 
 /// The factor R of `A = QR` for a matrix `A` with `N` columns and any number of rows.
 ///
@@ -31,6 +31,8 @@ pub struct TriangularFactor<T: Real, const N: usize> {
     /// Rows not yet folded in, column by column, zero beyond `waiting`.
     block: [[T; BLOCK]; N],
     waiting: usize,
+    /// Rows folded in.
+    folded: usize,
 }
 
 /// The two right singular vectors with the smallest singular values.
@@ -55,6 +57,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             factor: [[T::zero(); N]; N],
             block: [[T::zero(); BLOCK]; N],
             waiting: 0,
+            folded: 0,
         }
     }
 
@@ -73,27 +76,30 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// Folds the waiting rows into R.
     fn fold(&mut self) {
         for k in 0..N {
-            let (done, rest) = self.block.split_at_mut(k + 1);
-            let column = &mut done[k];
+            // Copies: the compiler then keeps them in registers.
+            let column = self.block[k];
             let pivot = self.factor[k][k];
-            let below = dot(column, column);
+            let below = dot(&column, &column);
             if below > T::zero() {
                 let norm = (pivot * pivot + below).sqrt();
                 let signed = if pivot > T::zero() { -norm } else { norm };
                 let head = pivot - signed;
                 let scale = T::one() / (norm * (norm + pivot.abs()));
                 self.factor[k][k] = signed;
-                for (j, other) in rest.iter_mut().enumerate() {
-                    let above = &mut self.factor[k][k + 1 + j];
-                    let step = (head * *above + dot(column, other)) * scale;
-                    *above -= step * head;
-                    for (o, c) in other.iter_mut().zip(column.iter()) {
-                        *o -= step * *c;
+                for j in k + 1..N {
+                    let mut other = self.block[j];
+                    let above = self.factor[k][j];
+                    let step = (head * above + dot(&column, &other)) * scale;
+                    self.factor[k][j] = above - step * head;
+                    for i in 0..BLOCK {
+                        other[i] -= step * column[i];
                     }
+                    self.block[j] = other;
                 }
             }
-            *column = [T::zero(); BLOCK];
+            self.block[k] = [T::zero(); BLOCK];
         }
+        self.folded += self.waiting;
         self.waiting = 0;
     }
 
@@ -105,6 +111,32 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         &self.factor
     }
 
+    /// The right singular vector with the smallest singular value, and the two smallest values.
+    ///
+    /// With one row less than columns the vector is exact, by back substitution; otherwise as
+    /// [`TriangularFactor::null_space`], and the second value is an upper bound as it is there.
+    pub fn null_vector(&mut self) -> (SVector<T, N>, [T; 2]) {
+        let factor = *self.rows();
+        let (floor, inverse) = inverse_pivots(&factor);
+        if self.folded + 1 != N || inverse[..N - 1].iter().any(|v| v.abs() * floor >= T::one()) {
+            let null = self.null_space();
+            return (null.vectors[0], null.singular_values);
+        }
+        let mut vector = SVector::<T, N>::zeros();
+        vector[N - 1] = T::one();
+        back_substitute(&factor, &inverse, &mut vector);
+        // The last pivot is zero, so it only scaled the vector.
+        scale_to_unit(&mut vector);
+        // The rows of R span what those of the matrix do, so its least row is no shorter than the
+        // second smallest singular value.
+        let mut least = None;
+        for (k, row) in factor[..N - 1].iter().enumerate() {
+            let square = row[k..].iter().fold(T::zero(), |sum, v| sum + *v * *v);
+            least = Some(least.map_or(square, |other: T| other.min(square)));
+        }
+        (vector, [T::zero(), least.unwrap_or(T::zero()).sqrt()])
+    }
+
     /// The two smallest singular values and their right singular vectors.
     ///
     /// Inverse iteration on a pair of vectors: the pair converges with the square of the ratio of
@@ -113,27 +145,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
         let factor = *self.rows();
-        let mut size = T::zero();
-        for row in &factor {
-            for value in row {
-                size = size.max(value.abs());
-            }
-        }
-        // A pivot below rounding is rounding: any value of that size serves.
-        let floor = (size * T::eps()).max(T::eps() * T::eps());
-        let mut inverse = [T::zero(); N];
-        for (k, value) in inverse.iter_mut().enumerate() {
-            let pivot = factor[k][k];
-            *value = T::one()
-                / if pivot.abs() > floor {
-                    pivot
-                } else if pivot < T::zero() {
-                    -floor
-                } else {
-                    floor
-                };
-        }
-
+        let (_, inverse) = inverse_pivots(&factor);
         let mut first = SVector::<T, N>::zeros();
         let mut second = SVector::<T, N>::zeros();
         first[N - 1] = T::one();
@@ -162,6 +174,31 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         }
         result
     }
+}
+
+/// One over the pivots, and the size below which a pivot is rounding, for which any value of that
+/// size serves.
+#[inline]
+fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> (T, [T; N]) {
+    let mut size = T::zero();
+    for row in factor {
+        for value in row {
+            size = size.max(value.abs());
+        }
+    }
+    let floor = (size * T::eps()).max(T::eps() * T::eps());
+    let inverse = core::array::from_fn(|k| {
+        let pivot = factor[k][k];
+        let safe = if pivot.abs() > floor {
+            pivot
+        } else if pivot < T::zero() {
+            -floor
+        } else {
+            floor
+        };
+        T::one() / safe
+    });
+    (floor, inverse)
 }
 
 /// Squared movement, in units of rounding, of a vector that stands still. The next step would move

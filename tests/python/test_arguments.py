@@ -64,6 +64,10 @@ TABLE = [
     (lambda: bearslam.solve(SEEN, seed=-1), "seed: expected an integer from 0"),
     (lambda: bearslam.solve(SEEN, progress=3), "progress: expected None or a function"),
     (lambda: bearslam.solve(bearslam.Sightings([0, 0], [1, 1], [0.1, 0.2])), "."),
+    (
+        lambda: bearslam.solve(bearslam.Sightings([0, 2**24 - 1], [1, 2**24 - 1], [0.1, 0.2])),
+        "sightings: expected indices that leave few numbers out, got 2 sightings of 16777216 landmarks",
+    ),
     (lambda: bearslam.initialize(SEEN, method="random"), "method: expected"),
     (lambda: bearslam.initialize(SEEN, sigma=0.0), "sigma: expected a number above 0"),
     (lambda: bearslam.refine(SEEN, (SCENE.poses,)), r"start: expected \(poses, landmarks\), got a tuple of 1"),
