@@ -113,3 +113,108 @@ impl<T: Real> Bundle<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+
+    extern crate std;
+
+    fn number(value: &serde_json::Value) -> f64 {
+        value.as_f64().unwrap()
+    }
+
+    fn rows(value: &serde_json::Value) -> Vec<Vec<f64>> {
+        let row = |row: &serde_json::Value| row.as_array().unwrap().iter().map(number).collect();
+        value.as_array().unwrap().iter().map(row).collect()
+    }
+
+    /// Derivatives by a complex step or differences, from the project's plain script.
+    #[test]
+    fn derivatives_are_those_of_the_reference() {
+        let text = include_str!("../../tests/data/reference.json");
+        let reference: serde_json::Value = serde_json::from_str(text).unwrap();
+        let cases = reference["jacobian"].as_array().unwrap();
+        assert!(!cases.is_empty());
+        for case in cases {
+            let (poses, landmarks) = (rows(&case["poses"]), rows(&case["landmarks"]));
+            let (m, n) = (poses.len(), landmarks.len());
+            let problem = Problem::dense(m, n, &rows(&case["bearings"]).concat(), 0.5).unwrap();
+            let bundle = Bundle {
+                poses: poses
+                    .iter()
+                    .map(|p| crate::geometry::pose(p[0], p[1], p[2]))
+                    .collect(),
+                landmarks: landmarks.iter().map(|p| Point2::new(p[0], p[1])).collect(),
+            };
+            let mut linearized = Vec::new();
+            bundle.linearize(&problem, &mut linearized);
+            for ((k, row), expected) in linearized.iter().enumerate().zip(rows(&case["jacobian"])) {
+                let mut found = vec![0.0; 3 * m + 2 * n];
+                found[3 * (k / n)..][..3].copy_from_slice(&row.pose());
+                found[3 * m + 2 * (k % n)..][..2].copy_from_slice(&row.landmark());
+                for (f, e) in found.iter().zip(expected) {
+                    // Half the sigma doubles the derivative.
+                    assert!((f - 2.0 * e).abs() < 1e-8, "{k}: {f} {e}");
+                }
+            }
+        }
+    }
+
+    /// Residual and derivatives belong together: differences of the one are the other.
+    #[test]
+    fn derivatives_are_differences_of_residuals() {
+        let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4];
+        let problem = Problem::dense(2, 3, &bearings, 0.1).unwrap();
+        let bundle = Bundle {
+            poses: vec![
+                crate::geometry::pose(0.1, 0.2, 0.3),
+                crate::geometry::pose(2.0, -1.0, 2.5),
+            ],
+            landmarks: vec![
+                Point2::new(1.0, 2.0),
+                Point2::new(-3.0, 1.0),
+                Point2::new(0.5, -2.0),
+            ],
+        };
+        let mut rows = Vec::new();
+        bundle.linearize(&problem, &mut rows);
+        let step = 1e-6;
+        for parameter in 0..12 {
+            let residuals = [-step, step].map(|size| {
+                let mut poses = vec![Vector3::zeros(); 2];
+                let mut landmarks = vec![Vector2::zeros(); 3];
+                if parameter < 6 {
+                    poses[parameter / 3][parameter % 3] = size;
+                } else {
+                    landmarks[(parameter - 6) / 2][parameter % 2] = size;
+                }
+                let mut moved = bundle.clone();
+                bundle.step(&poses, &landmarks, &mut moved);
+                let mut rows = Vec::new();
+                moved.linearize(&problem, &mut rows);
+                rows.iter().map(|row| row.residual).collect::<Vec<f64>>()
+            });
+            for (k, row) in rows.iter().enumerate() {
+                let difference = (residuals[1][k] - residuals[0][k]) / (2.0 * step);
+                let (view, landmark) = (k / 3, k % 3);
+                let expected = if parameter < 6 {
+                    if parameter / 3 == view {
+                        row.pose()[parameter % 3]
+                    } else {
+                        0.0
+                    }
+                } else if (parameter - 6) / 2 == landmark {
+                    row.landmark()[parameter % 2]
+                } else {
+                    0.0
+                };
+                assert!(
+                    (difference - expected).abs() < 1e-6,
+                    "{k} {parameter}: {difference} {expected}"
+                );
+            }
+        }
+    }
+}
