@@ -3,13 +3,15 @@
 
 mod bundle;
 mod cholesky;
+mod linearized;
 mod map;
 mod problem;
 mod refine;
 mod schur;
+mod sensitivity;
 
 pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::{Map, Subject, Undetermined, Why};
 pub use problem::{Problem, Seen, Sighting};
-pub(crate) use refine::sensitivity;
 pub use refine::{RefineOptions, Report, Termination, Watch, refine_map};
+pub(crate) use sensitivity::sensitivity;

@@ -3,10 +3,13 @@
 
 mod expand;
 mod four;
+mod options;
 mod paper;
 mod result;
+mod search;
 mod solve;
 mod triples;
 
+pub use options::{Progress, Search, SolveOptions, Strategy};
 pub use result::Reconstruction;
-pub use solve::{Progress, Search, SolveOptions, Strategy, initialize, refine, solve};
+pub use solve::{initialize, refine, solve};

@@ -105,6 +105,13 @@ impl<T: Real> Map<T> {
         })
     }
 
+    /// The problem between what the map determines.
+    pub(super) fn restrict(&self, problem: &Problem<T>) -> Problem<T> {
+        let views: Vec<bool> = self.poses.iter().map(Option::is_some).collect();
+        let landmarks: Vec<bool> = self.landmarks.iter().map(Option::is_some).collect();
+        problem.restrict(&views, &landmarks)
+    }
+
     /// Moves the map by a similarity.
     pub fn transformed(&self, similarity: &Similarity2<T>) -> Self {
         Self {

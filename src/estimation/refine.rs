@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
-use super::bundle::{Bundle, Row};
+use super::bundle::Bundle;
+use super::linearized::{Linearized, gauge, keeps_landmarks};
 use super::map::{Map, Undetermined};
 use super::problem::Problem;
-use super::schur::{Grouped, Schur, Slot};
+use super::schur::{Grouped, Schur};
 use crate::error::Error;
 use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::{DMatrix, SVector, Vector2, Vector3};
+use nalgebra::{SVector, Vector2, Vector3};
 
 /// Options of the refinement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +138,7 @@ pub fn refine_map<T: Real>(
     let active = if undetermined.is_empty() {
         problem
     } else {
-        restricted = restrict(problem, map);
+        restricted = map.restrict(problem);
         &restricted
     };
     let (cost, termination, iterations) = if keeps_landmarks(active) {
@@ -152,109 +153,6 @@ pub fn refine_map<T: Real>(
         iterations,
         undetermined,
     })
-}
-
-/// The problem between what a map determines.
-fn restrict<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Problem<T> {
-    let views: Vec<bool> = map.poses.iter().map(Option::is_some).collect();
-    let landmarks: Vec<bool> = map.landmarks.iter().map(Option::is_some).collect();
-    problem.restrict(&views, &landmarks)
-}
-
-/// Whether eliminating the poses leaves the smaller system.
-fn keeps_landmarks<T: Real>(problem: &Problem<T>) -> bool {
-    2 * problem.landmarks() <= 3 * problem.views()
-}
-
-/// All sightings linearised, to be grouped by either end.
-struct Linearized<'a, T: Real> {
-    problem: &'a Problem<T>,
-    rows: &'a [Row<T>],
-}
-
-/// Grouped by view: poses go, landmarks stay.
-impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
-    fn groups(&self) -> usize {
-        self.problem.views()
-    }
-
-    fn sightings(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn kept(&self) -> usize {
-        self.problem.landmarks()
-    }
-
-    #[inline]
-    fn group(&self, view: usize) -> impl Iterator<Item = Slot<T, 3, 2>> {
-        let range = self.problem.range_of_view(view);
-        self.problem.sightings()[range.clone()]
-            .iter()
-            .zip(&self.rows[range])
-            .map(|(s, row)| Slot {
-                kept: s.landmark,
-                gone: row.pose(),
-                stay: row.landmark(),
-                residual: row.residual,
-            })
-    }
-}
-
-/// Grouped by landmark: landmarks go, poses stay.
-impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
-    fn groups(&self) -> usize {
-        self.problem.landmarks()
-    }
-
-    fn sightings(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn kept(&self) -> usize {
-        self.problem.views()
-    }
-
-    #[inline]
-    fn group(&self, landmark: usize) -> impl Iterator<Item = Slot<T, 2, 3>> {
-        self.problem.of_landmark(landmark).iter().map(|&k| Slot {
-            kept: self.problem.sightings()[k].view,
-            gone: self.rows[k].landmark(),
-            stay: self.rows[k].pose(),
-            residual: self.rows[k].residual,
-        })
-    }
-}
-
-/// The directions of translation, rotation and scaling of the blocks that stay, (T14): orthonormal rows.
-fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> DMatrix<T> {
-    let points = kept_positions::<T, K>(bundle);
-    let count = T::lit(points.len() as f64);
-    let centre = centroid(&points);
-    let spread = spread(&points);
-    // Norms of the four directions; headings turn along.
-    let turned = if K == 2 { spread } else { spread + count };
-    let [shift, turn, grow] = [count, turned, spread].map(|square| {
-        if square > T::zero() {
-            T::one() / square.sqrt()
-        } else {
-            T::zero()
-        }
-    });
-    let mut directions = DMatrix::zeros(4, points.len() * K);
-    for (k, point) in points.iter().enumerate() {
-        let p = point - centre;
-        directions[(0, K * k)] = shift;
-        directions[(1, K * k + 1)] = shift;
-        directions[(2, K * k)] = -p.y * turn;
-        directions[(2, K * k + 1)] = p.x * turn;
-        if K == 3 {
-            directions[(2, K * k + 2)] = turn;
-        }
-        directions[(3, K * k)] = p.x * grow;
-        directions[(3, K * k + 1)] = p.y * grow;
-    }
-    directions
 }
 
 /// A step, as blocks that stay and blocks that went.
@@ -393,79 +291,3 @@ const MAX_DAMPING: f64 = 1e8;
 
 /// Residuals of this many units of rounding are zero.
 const ZERO_RESIDUAL_EPS: f64 = 8.0;
-
-/// How sensitive a refined map is to noise in the direction that the bearings hold least: the
-/// predicted standard deviation of the map over its size, for residuals of one sigma.
-///
-/// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
-/// the number is rounding itself.
-pub(crate) fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
-    let restricted;
-    let active = if map.is_complete() {
-        problem
-    } else {
-        restricted = restrict(problem, map);
-        &restricted
-    };
-    let bundle = Bundle::from_map(map);
-    if keeps_landmarks(active) {
-        weakest::<T, 3, 2>(&bundle, active)
-    } else {
-        weakest::<T, 2, 3>(&bundle, active)
-    }
-}
-
-/// A sighting over less than this part of the map's size ties two places together but tells nothing
-/// else; its huge weight would only drown the rest.
-const TOUCHING: f64 = 1e-4;
-
-fn weakest<T: Real, const E: usize, const K: usize>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64
-where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-{
-    let points = kept_positions::<T, K>(bundle);
-    let size = spread(&points);
-    let mut rows = Vec::new();
-    bundle.linearize(problem, &mut rows);
-    let limit = T::lit(points.len() as f64 / (TOUCHING * TOUCHING)) / size;
-    for row in &mut rows {
-        if row.gradient.norm_squared() > limit * row.weight * row.weight {
-            row.gradient = Vector2::zeros();
-            row.weight = T::zero();
-        }
-    }
-    let linearized = Linearized {
-        problem,
-        rows: &rows,
-    };
-    let mut schur = Schur::<T, E, K>::new();
-    if !schur.factorize(&linearized, T::zero(), &gauge::<T, K>(bundle)) {
-        return f64::INFINITY;
-    }
-    let direction = schur.weakest_direction();
-    let square = direction.chunks_exact(K).fold(T::zero(), |sum, block| {
-        sum + block[0] * block[0] + block[1] * block[1]
-    });
-    (square / size).sqrt().as_f64()
-}
-
-/// The positions of the blocks that stay: landmarks for `K` = 2, views for `K` = 3.
-fn kept_positions<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vector2<T>> {
-    if K == 2 {
-        bundle.landmarks.iter().map(|p| p.coords).collect()
-    } else {
-        bundle.poses.iter().map(|p| p.translation.vector).collect()
-    }
-}
-
-fn centroid<T: Real>(points: &[Vector2<T>]) -> Vector2<T> {
-    points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(points.len() as f64)
-}
-
-/// Sum of squared distances from the centroid.
-fn spread<T: Real>(points: &[Vector2<T>]) -> T {
-    let centre = centroid(points);
-    points
-        .iter()
-        .fold(T::zero(), |sum, p| sum + (p - centre).norm_squared())
-}

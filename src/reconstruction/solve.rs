@@ -1,81 +1,41 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From bearings to the best map: hypotheses, refinement, choice.
 
-use super::expand::{grow, score};
-use super::four;
+use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::result::Reconstruction;
-use super::triples::{self, Sight, common_bearings};
+use super::search::{self, Hypotheses, near};
 use crate::error::Error;
 use crate::estimation::{
     Map, Problem, RefineOptions, Report, Termination, refine_map, sensitivity,
 };
-use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 
-/// How a first map is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Strategy {
-    /// Many triples of views, both branches of each; the best few refined.
-    Search(Search),
-    /// The paper's path from the first three views, with its own or the calibrated tensor.
-    FirstViews(Method),
-}
-
-/// How wide a search is.
+/// A linear map without refinement: a start for a solver of one's own.
 ///
-/// The defaults are the cheapest rule that found the best known minimum in every scene of the
-/// paper's sizes that was tried (`docs/accuracy.md`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Search {
-    /// Triples of views whose tensor is estimated.
-    pub triples: usize,
-    /// The best conditioned of them, which are grown to whole maps, both branches.
-    pub grown: usize,
-    /// Most maps that are refined; two that end in the same minimum are enough.
-    pub candidates: usize,
-}
-
-impl Default for Search {
-    fn default() -> Self {
-        Self {
-            triples: 24,
-            grown: 6,
-            candidates: 6,
-        }
-    }
-}
-
-/// Options of [`solve`] and [`initialize`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SolveOptions<T: Real> {
-    /// How a first map is found.
-    pub strategy: Strategy,
-    /// Options of the refinement.
-    pub refine: RefineOptions<T>,
-    /// Seed of the draw of triples: the same seed gives the same bits.
-    pub seed: u64,
-}
-
-impl<T: Real> Default for SolveOptions<T> {
-    fn default() -> Self {
-        Self {
-            strategy: Strategy::Search(Search::default()),
-            refine: RefineOptions::default(),
-            seed: 0,
-        }
-    }
-}
-
-/// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
-const MIN_SHARED: usize = 5;
-const MIN_SHARED_WITH_FOURTH: usize = 4;
-
-/// Called now and then with the stage, the steps done and their number; `false` stops the work.
-pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
-
-/// Linear maps without refinement, best first: the winner carries the rest as alternatives.
+/// The best hypothesis of the search, or with [`Strategy::FirstViews`] the map at the end of the
+/// paper's path, whatever its cost. Same gauge as [`solve`]; [`Termination::NotRefined`].
+///
+/// # Errors
+/// As [`solve`], except that the result is not tested for free directions.
+///
+/// # Example
+/// ```
+/// use bearslam::{
+///     Arena, Layout, Method, Problem, SolveOptions, Strategy, initialize, refine, simulate,
+/// };
+/// let scene = simulate(Layout::Enclosed, 6, 9, 0.01, 5, Arena::default())?;
+/// let problem = Problem::dense(6, 9, &scene.bearings, 1.0)?;
+/// let options = SolveOptions {
+///     strategy: Strategy::FirstViews(Method::Projective),
+///     ..SolveOptions::default()
+/// };
+/// let start = initialize(&problem, &options, None)?;
+/// let found = refine(&problem, &start.map, &options.refine, None)?;
+/// assert!(found.cost < start.cost);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
 pub fn initialize<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
@@ -83,7 +43,11 @@ pub fn initialize<T: Real>(
 ) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
     let hypotheses = hypotheses(problem, options, &mut progress)?;
-    let judged = hypotheses.maps.into_iter().take(2).map(|mut map| {
+    let count = match options.strategy {
+        Strategy::Search(_) => 2,
+        Strategy::FirstViews(_) => 1,
+    };
+    let judged = hypotheses.maps.into_iter().take(count).map(|mut map| {
         let undetermined = map.prune(problem);
         let cost = cost(problem, &map);
         Reconstruction::new(
@@ -113,6 +77,10 @@ fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
 
 /// Refines a start: one map, no search.
 ///
+/// Places of the start that are `None`, or that its other places do not fix, stay undetermined. The
+/// result is in the gauge of [`solve`]. For repeated calls without the judgement of the result there
+/// is [`refine_map`](crate::refine_map).
+///
 /// # Errors
 /// As [`refine_map`](crate::refine_map).
 pub fn refine<T: Real>(
@@ -133,13 +101,36 @@ pub fn refine<T: Real>(
     Ok(Reconstruction::new(problem, &map, report))
 }
 
-fn tell(progress: &mut Option<Progress<'_>>, stage: &'static str, done: usize, all: usize) -> bool {
-    progress
-        .as_mut()
-        .is_none_or(|progress| progress(stage, done, all))
-}
-
-/// Poses and landmarks from bearings alone.
+/// Poses and landmarks from bearings alone: no odometry, no guess.
+///
+/// Triples of views give hypotheses in closed form, both branches of each; the best conditioned are
+/// grown to whole maps by resection and triangulation and scored by a robust cost over all bearings;
+/// the best are refined until two end in the same minimum; the lowest is returned, with the rivals
+/// that explain the bearings nearly as well (the mirror branch of three views, the several exact maps
+/// of four landmarks).
+///
+/// The first determined view is at the origin with heading 0 and the root-mean-square distance of the
+/// other views from it is 1. Views and landmarks that the bearings do not determine are `None` and
+/// listed with the reason.
+///
+/// # Errors
+/// [`Error::TooFew`] below three views or when no three views share five landmarks (four, where there
+/// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
+/// wall, views in one place) or exact bearings leave a direction of the map free;
+/// [`Error::TooLarge`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
+/// says so. With noise a degenerate geometry shows in
+/// [`Reconstruction::uncertainty`]: look at it before you trust a map.
+///
+/// # Example
+/// ```
+/// use bearslam::{Arena, Layout, Problem, SolveOptions, simulate, solve};
+/// let scene = simulate(Layout::Enclosed, 8, 11, 0.01, 5, Arena::default())?;
+/// let problem = Problem::dense(8, 11, &scene.bearings, 0.01)?;
+/// let found = solve(&problem, &SolveOptions::default(), None)?;
+/// assert!(found.termination.was_successful());
+/// assert!(found.uncertainty < 0.1);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
 pub fn solve<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
@@ -180,8 +171,16 @@ pub fn solve<T: Real>(
             Err(_) => {}
         }
     }
-    let mut best = choose(refined)?;
+    judge(problem, choose(refined)?)
+}
+
+/// Tests the best map for directions that the bearings leave free.
+fn judge<T: Real>(
+    problem: &Problem<T>,
+    mut best: Reconstruction<T>,
+) -> Result<Reconstruction<T>, Error> {
     best.sensitivity = sensitivity(problem, &best.map);
+    // Beyond this the number is rounding itself.
     let bound = 1.0 / (8.0 * T::eps().as_f64().sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
     // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
@@ -217,15 +216,7 @@ fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>) -> usize {
     (sightings + 4).saturating_sub(3 * views + 2 * landmarks)
 }
 
-/// First maps.
-struct Hypotheses<T: Real> {
-    /// Best first.
-    maps: Vec<Map<T>>,
-    /// Whether the problem has one solution in general: more than three views, more than four
-    /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
-    unique: bool,
-}
-
+/// First maps, by the strategy of the options.
 fn hypotheses<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
@@ -236,134 +227,9 @@ fn hypotheses<T: Real>(
             maps: paper::follow(problem, method)?.into(),
             unique: false,
         }),
-        Strategy::Search(search) => self::search(problem, search, options.seed, progress),
+        Strategy::Search(search) => search::search(problem, search, options.seed, progress),
     }
 }
-
-/// Maps grown from many triples of views, the best score first.
-fn search<T: Real>(
-    problem: &Problem<T>,
-    search: Search,
-    seed: u64,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Hypotheses<T>, Error> {
-    if problem.views() < 3 {
-        return Err(Error::TooFew {
-            what: "views",
-            needed: 3,
-            got: problem.views(),
-        });
-    }
-    let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
-    let mut failure = None;
-    let mut seeds = Vec::with_capacity(drawn.len());
-    for (done, &views) in drawn.iter().enumerate() {
-        if !tell(progress, "search", done, drawn.len()) {
-            return Err(Error::Interrupted);
-        }
-        let (triples, _) = common_bearings(problem, views);
-        match CalibratedTensor::estimate(&triples, 0) {
-            Ok(tensor) => seeds.push((tensor.quality().as_f64(), triples, views)),
-            Err(error) => failure = Some(error),
-        }
-    }
-    seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    seeds.truncate(search.grown);
-    let mut scored: Vec<(f64, Map<T>)> = Vec::new();
-    for (_, triples, views) in seeds {
-        match three_view(&triples, Method::Calibrated { reweights: 1 }) {
-            Err(error) => failure = Some(error),
-            Ok(solution) => {
-                let [first, second] = &solution.motions;
-                let margin = 1 + triples.len() / 8;
-                let rivals = second.inconsistent <= first.inconsistent + margin;
-                for motion in solution.motions.iter().take(1 + usize::from(rivals)) {
-                    let mut map = Map::empty(problem.views(), problem.landmarks());
-                    for (&view, pose) in views.iter().zip(motion.poses) {
-                        map.poses[view] = Some(pose);
-                    }
-                    grow(problem, &mut map);
-                    scored.push((score(problem, &map).as_f64(), map));
-                }
-            }
-        }
-    }
-    let four = drawn.is_empty() && problem.views() > 3;
-    if four {
-        let count = search.triples.min(MAX_SWEEPS);
-        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
-        for (done, &views) in drawn.iter().enumerate() {
-            if !tell(progress, "search", done, drawn.len()) {
-                return Err(Error::Interrupted);
-            }
-            scored.extend(
-                four::sweep(problem, views)
-                    .into_iter()
-                    .map(|(score, map)| (score.as_f64(), map)),
-            );
-        }
-    }
-    if scored.is_empty() {
-        return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
-    }
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let maps: Vec<Map<T>> = scored.into_iter().map(|(_, map)| map).collect();
-    Ok(Hypotheses {
-        maps: if four { distinct(maps) } else { maps },
-        unique: !four && problem.views() > 3,
-    })
-}
-
-/// What to say when no three views share enough landmarks.
-fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
-    let views = problem.views();
-    let sight = Sight::new(problem);
-    let mut most = 0;
-    for i in 0..views.min(60) {
-        for j in i + 1..views.min(60) {
-            for k in j + 1..views.min(60) {
-                most = most.max(sight.common([i, j, k]));
-            }
-        }
-    }
-    Error::TooFew {
-        what: "landmarks seen by the same three views",
-        needed: if views > 3 {
-            MIN_SHARED_WITH_FOURTH
-        } else {
-            MIN_SHARED
-        },
-        got: most,
-    }
-}
-
-/// The first of each cluster of maps, up to [`MAX_DISTINCT`].
-fn distinct<T: Real>(maps: Vec<Map<T>>) -> Vec<Map<T>> {
-    let mut found: Vec<(Map<T>, Map<T>)> = Vec::new();
-    for map in maps {
-        let normalized = map.normalized();
-        if found
-            .iter()
-            .all(|(_, other)| !near(&normalized, other, T::lit(CLUSTER)))
-        {
-            found.push((map, normalized));
-            if found.len() == MAX_DISTINCT {
-                break;
-            }
-        }
-    }
-    found.into_iter().map(|(map, _)| map).collect()
-}
-
-/// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
-const MAX_SWEEPS: usize = 4;
-
-/// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in
-/// the same minimum.
-const CLUSTER: f64 = 0.05;
-
-/// Most hypotheses that are refined for a problem with four landmarks.
-const MAX_DISTINCT: usize = 60;
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T>, Error> {
@@ -400,16 +266,4 @@ const SAME_COST: f64 = 1.0 - 1e-6;
 /// Whether two normalised maps are the same minimum.
 fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
     near(a, b, T::lit(1e-3))
-}
-
-/// Whether all poses of two normalised maps differ by less than a bound.
-fn near<T: Real>(a: &Map<T>, b: &Map<T>, near: T) -> bool {
-    a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
-        (Some(a), Some(b)) => {
-            (a.translation.vector - b.translation.vector).norm() < near
-                && a.rotation.angle_to(&b.rotation).abs() < near
-        }
-        (None, None) => true,
-        _ => false,
-    })
 }

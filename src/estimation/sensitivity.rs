@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How far the bearings hold a map.
+
+use super::bundle::Bundle;
+use super::linearized::{Linearized, gauge, keeps_landmarks, kept_positions, spread};
+use super::map::Map;
+use super::problem::Problem;
+use super::schur::{Grouped, Schur};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::Vector2;
+
+/// How sensitive a refined map is to noise in the direction that the bearings hold least: the
+/// predicted standard deviation of the map over its size, for residuals of one sigma.
+///
+/// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
+/// the number is rounding itself.
+pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
+    let restricted;
+    let active = if map.is_complete() {
+        problem
+    } else {
+        restricted = map.restrict(problem);
+        &restricted
+    };
+    let bundle = Bundle::from_map(map);
+    if keeps_landmarks(active) {
+        weakest::<T, 3, 2>(&bundle, active)
+    } else {
+        weakest::<T, 2, 3>(&bundle, active)
+    }
+}
+
+/// A sighting over less than this part of the map's size ties two places together but tells nothing
+/// else; its huge weight would only drown the rest.
+const TOUCHING: f64 = 1e-4;
+
+fn weakest<T: Real, const E: usize, const K: usize>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+{
+    let points = kept_positions::<T, K>(bundle);
+    let size = spread(&points);
+    let mut rows = Vec::new();
+    bundle.linearize(problem, &mut rows);
+    let limit = T::lit(points.len() as f64 / (TOUCHING * TOUCHING)) / size;
+    for row in &mut rows {
+        if row.gradient.norm_squared() > limit * row.weight * row.weight {
+            row.gradient = Vector2::zeros();
+            row.weight = T::zero();
+        }
+    }
+    let linearized = Linearized {
+        problem,
+        rows: &rows,
+    };
+    let mut schur = Schur::<T, E, K>::new();
+    if !schur.factorize(&linearized, T::zero(), &gauge::<T, K>(bundle)) {
+        return f64::INFINITY;
+    }
+    let direction = schur.weakest_direction();
+    let square = direction.chunks_exact(K).fold(T::zero(), |sum, block| {
+        sum + block[0] * block[0] + block[1] * block[1]
+    });
+    (square / size).sqrt().as_f64()
+}

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What a caller may choose, and how it is told of progress.
+
+use crate::estimation::RefineOptions;
+use crate::kernels::Method;
+use crate::scalar::Real;
+
+/// How a first map is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strategy {
+    /// Many triples of views, both branches of each; the best few refined.
+    Search(Search),
+    /// The paper's path from the first three views, with its own or the calibrated tensor.
+    FirstViews(Method),
+}
+
+/// How wide a search is.
+///
+/// The defaults are the cheapest rule that found the best known minimum in every scene of the
+/// paper's sizes that was tried (`docs/accuracy.md`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Search {
+    /// Triples of views whose tensor is estimated.
+    pub triples: usize,
+    /// The best conditioned of them, which are grown to whole maps, both branches.
+    pub grown: usize,
+    /// Most maps that are refined; two that end in the same minimum are enough.
+    pub candidates: usize,
+}
+
+impl Default for Search {
+    fn default() -> Self {
+        Self {
+            triples: 24,
+            grown: 6,
+            candidates: 6,
+        }
+    }
+}
+
+/// Options of [`solve`] and [`initialize`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveOptions<T: Real> {
+    /// How a first map is found.
+    pub strategy: Strategy,
+    /// Options of the refinement.
+    pub refine: RefineOptions<T>,
+    /// Seed of the draw of triples: the same seed gives the same bits.
+    pub seed: u64,
+}
+
+impl<T: Real> Default for SolveOptions<T> {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Search(Search::default()),
+            refine: RefineOptions::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// Called now and then with the stage, the steps done and their number; `false` stops the work.
+pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
+
+/// Reports progress to a caller who asked for it; `false` when the work is to stop.
+pub fn tell(
+    progress: &mut Option<Progress<'_>>,
+    stage: &'static str,
+    done: usize,
+    all: usize,
+) -> bool {
+    progress
+        .as_mut()
+        .is_none_or(|progress| progress(stage, done, all))
+}

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Hypotheses: whole maps grown from triples of views.
+
+use super::expand::{grow, score};
+use super::four;
+use super::options::{Progress, Search, tell};
+use super::triples::{self, Sight, common_bearings};
+use crate::error::Error;
+use crate::estimation::{Map, Problem};
+use crate::kernels::{CalibratedTensor, Method, three_view};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
+const MIN_SHARED: usize = 5;
+const MIN_SHARED_WITH_FOURTH: usize = 4;
+
+/// First maps.
+pub struct Hypotheses<T: Real> {
+    /// Best first.
+    pub maps: Vec<Map<T>>,
+    /// Whether the problem has one solution in general: more than three views, more than four
+    /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
+    pub unique: bool,
+}
+
+/// Maps grown from many triples of views, the best score first.
+pub fn search<T: Real>(
+    problem: &Problem<T>,
+    search: Search,
+    seed: u64,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Hypotheses<T>, Error> {
+    if problem.views() < 3 {
+        return Err(Error::TooFew {
+            what: "views",
+            needed: 3,
+            got: problem.views(),
+        });
+    }
+    let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
+    let mut failure = None;
+    let mut seeds = Vec::with_capacity(drawn.len());
+    for (done, &views) in drawn.iter().enumerate() {
+        if !tell(progress, "search", done, drawn.len()) {
+            return Err(Error::Interrupted);
+        }
+        let (triples, _) = common_bearings(problem, views);
+        match CalibratedTensor::estimate(&triples, 0) {
+            Ok(tensor) => seeds.push((tensor.quality().as_f64(), triples, views)),
+            Err(error) => failure = Some(error),
+        }
+    }
+    seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
+    seeds.truncate(search.grown);
+    let mut scored: Vec<(f64, Map<T>)> = Vec::new();
+    for (_, triples, views) in seeds {
+        match three_view(&triples, Method::Calibrated { reweights: 1 }) {
+            Err(error) => failure = Some(error),
+            Ok(solution) => {
+                let [first, second] = &solution.motions;
+                let margin = 1 + triples.len() / 8;
+                let rivals = second.inconsistent <= first.inconsistent + margin;
+                for motion in solution.motions.iter().take(1 + usize::from(rivals)) {
+                    let mut map = Map::empty(problem.views(), problem.landmarks());
+                    for (&view, pose) in views.iter().zip(motion.poses) {
+                        map.poses[view] = Some(pose);
+                    }
+                    grow(problem, &mut map);
+                    scored.push((score(problem, &map).as_f64(), map));
+                }
+            }
+        }
+    }
+    let four = drawn.is_empty() && problem.views() > 3;
+    if four {
+        let count = search.triples.min(MAX_SWEEPS);
+        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
+        for (done, &views) in drawn.iter().enumerate() {
+            if !tell(progress, "search", done, drawn.len()) {
+                return Err(Error::Interrupted);
+            }
+            scored.extend(
+                four::sweep(problem, views)
+                    .into_iter()
+                    .map(|(score, map)| (score.as_f64(), map)),
+            );
+        }
+    }
+    if scored.is_empty() {
+        return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
+    }
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let maps: Vec<Map<T>> = scored.into_iter().map(|(_, map)| map).collect();
+    Ok(Hypotheses {
+        maps: if four { distinct(maps) } else { maps },
+        unique: !four && problem.views() > 3,
+    })
+}
+
+/// What to say when no three views share enough landmarks.
+fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
+    let views = problem.views();
+    let sight = Sight::new(problem);
+    let mut most = 0;
+    for i in 0..views.min(60) {
+        for j in i + 1..views.min(60) {
+            for k in j + 1..views.min(60) {
+                most = most.max(sight.common([i, j, k]));
+            }
+        }
+    }
+    Error::TooFew {
+        what: "landmarks seen by the same three views",
+        needed: if views > 3 {
+            MIN_SHARED_WITH_FOURTH
+        } else {
+            MIN_SHARED
+        },
+        got: most,
+    }
+}
+
+/// The first of each cluster of maps, up to [`MAX_DISTINCT`].
+fn distinct<T: Real>(maps: Vec<Map<T>>) -> Vec<Map<T>> {
+    let mut found: Vec<(Map<T>, Map<T>)> = Vec::new();
+    for map in maps {
+        let normalized = map.normalized();
+        if found
+            .iter()
+            .all(|(_, other)| !near(&normalized, other, T::lit(CLUSTER)))
+        {
+            found.push((map, normalized));
+            if found.len() == MAX_DISTINCT {
+                break;
+            }
+        }
+    }
+    found.into_iter().map(|(map, _)| map).collect()
+}
+
+/// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+const MAX_SWEEPS: usize = 4;
+
+/// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in
+/// the same minimum.
+const CLUSTER: f64 = 0.05;
+
+/// Most hypotheses that are refined for a problem with four landmarks.
+const MAX_DISTINCT: usize = 60;
+
+/// Whether all poses of two normalised maps differ by less than a bound.
+pub fn near<T: Real>(a: &Map<T>, b: &Map<T>, near: T) -> bool {
+    a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
+        (Some(a), Some(b)) => {
+            (a.translation.vector - b.translation.vector).norm() < near
+                && a.rotation.angle_to(&b.rotation).abs() < near
+        }
+        (None, None) => true,
+        _ => false,
+    })
+}
