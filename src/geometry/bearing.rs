@@ -47,7 +47,7 @@ pub fn bearing_to<T: Real>(pose: &Pose<T>, point: &Point2<T>) -> Option<Bearing<
 /// The angle of the vector `(x, y)` in (-pi, pi].
 ///
 /// Residuals are small angles nearly always, so the arctangent of a small ratio is summed from its
-/// series: seven terms leave less than 1e-18 below [`SERIES_RANGE`].
+/// series: seven terms leave less than 1e-18 below a ratio of 1/16.
 #[inline]
 pub fn signed_angle<T: Real>(x: T, y: T) -> T {
     if y.abs() <= x * T::lit(SERIES_RANGE) && x > T::zero() {

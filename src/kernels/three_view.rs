@@ -35,7 +35,7 @@ pub struct ThreeView<T: Real> {
     /// Both, the one with fewer inconsistent sightings (then the lower cost) first. Where noise has
     /// made the two one, they are equal.
     pub motions: [Motion<T>; 2],
-    /// Height over longest side of the triangle of views is below [`COLLINEAR_HEIGHT`], or noise has
+    /// Height over longest side of the triangle of views is below 0.02, or noise has
     /// left no triangle at all. The two motions have all but merged, and their error grows with the
     /// square root of the noise: refine before use.
     pub near_collinear: bool,

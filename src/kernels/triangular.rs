@@ -141,7 +141,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     ///
     /// Inverse iteration on a pair of vectors: the pair converges with the square of the ratio of
     /// the second to the third smallest singular value, and a 2x2 problem separates it. Ends when
-    /// the first vector stands still, or after [`MAX_STEPS`] steps. The second value is then an upper
+    /// the first vector stands still, or after 40 steps. The second value is then an upper
     /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
         let factor = *self.rows();

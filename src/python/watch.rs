@@ -3,8 +3,9 @@
 
 use super::convert;
 use crate::Error;
+use core::time::Duration;
 use pyo3::prelude::*;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Time between two looks at signals and two calls of the progress function.
 const INTERVAL: Duration = Duration::from_millis(50);

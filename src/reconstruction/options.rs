@@ -38,7 +38,7 @@ impl Default for Search {
     }
 }
 
-/// Options of [`solve`] and [`initialize`].
+/// Options of [`solve`](crate::solve) and [`initialize`](crate::initialize).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions<T: Real> {
     /// How a first map is found.

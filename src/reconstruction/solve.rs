@@ -181,7 +181,7 @@ fn judge<T: Real>(
 ) -> Result<Reconstruction<T>, Error> {
     best.sensitivity = sensitivity(problem, &best.map);
     // Beyond this the number is rounding itself.
-    let bound = 1.0 / (8.0 * T::eps().as_f64().sqrt());
+    let bound = 1.0 / (8.0 * T::eps().sqrt().as_f64());
     let per_radian = best.sensitivity * mean_weight(problem);
     // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
     // the uncertainty says so.
@@ -194,18 +194,19 @@ fn judge<T: Real>(
     }
     let freedom = freedom(problem, &best.map);
     if freedom > 0 {
-        best.uncertainty = best.sensitivity * (2.0 * best.cost.as_f64() / freedom as f64).sqrt();
+        let variance = T::lit(2.0) * best.cost / T::lit(freedom as f64);
+        best.uncertainty = best.sensitivity * variance.sqrt().as_f64();
     }
     Ok(best)
 }
 
 /// Root mean square of one over sigma.
 fn mean_weight<T: Real>(problem: &Problem<T>) -> f64 {
-    let sum = problem
-        .sightings()
+    let sightings = problem.sightings();
+    let sum = sightings
         .iter()
-        .fold(0.0, |sum, s| sum + s.weight.as_f64() * s.weight.as_f64());
-    (sum / problem.sightings().len() as f64).sqrt()
+        .fold(T::zero(), |sum, s| sum + s.weight * s.weight);
+    (sum / T::lit(sightings.len() as f64)).sqrt().as_f64()
 }
 
 /// Sightings less parameters.
@@ -265,5 +266,5 @@ const SAME_COST: f64 = 1.0 - 1e-6;
 
 /// Whether two normalised maps are the same minimum.
 fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
-    near(a, b, T::lit(1e-3))
+    near(a, b, T::lit(1e-4).max(T::eps().sqrt()))
 }
