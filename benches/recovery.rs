@@ -10,10 +10,9 @@
 //! - `lost`: none of these.
 
 use bearslam::{
-    Arena, Layout, Map, Problem, Real, Reconstruction, Scene, SolveOptions, Termination, align,
-    simulate, solve_batch,
+    Arena, Layout, Problem, Real, Reconstruction, Scene, SolveOptions, Termination, simulate,
+    solve_batch,
 };
-use nalgebra::Point2;
 
 /// What happened to the scenes of one size.
 #[derive(Default)]
@@ -131,38 +130,11 @@ fn count<T: Real>(
 
 /// Largest distance from the truth after alignment, over the size of the arena.
 fn error<T: Real>(found: &Reconstruction<T>, scene: &Scene) -> f64 {
-    let truth: Vec<Point2<f64>> = scene
-        .poses
-        .iter()
-        .map(|pose| pose.translation.vector.into())
-        .chain(scene.landmarks.iter().copied())
-        .collect();
-    let Some(places) = places(&found.map) else {
+    if !found.map.is_complete() {
         return f64::INFINITY;
-    };
-    let Ok(similarity) = align(&places, &truth) else {
-        return f64::INFINITY;
-    };
-    let worst = places
-        .iter()
-        .zip(&truth)
-        .map(|(place, truth)| (similarity.transform_point(place) - truth).norm())
-        .fold(0.0, f64::max);
-    worst / Arena::default().width
-}
-
-/// All positions of a complete map.
-fn places<T: Real>(map: &Map<T>) -> Option<Vec<Point2<f64>>> {
-    let views = map
-        .poses
-        .iter()
-        .map(|pose| pose.map(|pose| Point2::from(pose.translation.vector)));
-    let places: Option<Vec<Point2<T>>> = views.chain(map.landmarks.iter().copied()).collect();
-
-    Some(
-        places?
-            .iter()
-            .map(|p| Point2::new(p.x.as_f64(), p.y.as_f64()))
-            .collect(),
-    )
+    }
+    let errors = scene.errors(&found.map);
+    errors.map_or(f64::INFINITY, |errors| {
+        errors.position_max / Arena::default().width
+    })
 }

@@ -75,7 +75,7 @@ pub use reconstruction::{
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
-pub use simulate::{Arena, Layout, Scene, simulate};
+pub use simulate::{Arena, Errors, Layout, Scene, simulate};
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

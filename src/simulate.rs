@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Random scenes: the paper's two layouts, and a trajectory with limited sight.
 
+mod errors;
+
+pub use errors::Errors;
+
 use crate::error::Error;
 use crate::geometry::{Pose, bearing_to, pose};
 use alloc::vec::Vec;

@@ -80,6 +80,21 @@ fn entries(
     Ok(array.as_array().iter().copied().collect())
 }
 
+/// Entries of which none is `bad`.
+fn checked(
+    py: Python<'_>,
+    name: &'static str,
+    array: &Floats<'_>,
+    shape: &[Option<usize>],
+    bad: impl Fn(&f64) -> bool,
+) -> PyResult<Vec<f64>> {
+    let entries = entries(py, name, array, shape)?;
+    match entries.iter().position(bad) {
+        None => Ok(entries),
+        Some(index) => Err(error(py, Error::NotFinite { what: name, index })),
+    }
+}
+
 /// Entries that are all finite.
 pub fn finite(
     py: Python<'_>,
@@ -87,11 +102,7 @@ pub fn finite(
     array: &Floats<'_>,
     shape: &[Option<usize>],
 ) -> PyResult<Vec<f64>> {
-    let entries = entries(py, name, array, shape)?;
-    match entries.iter().position(|value| !value.is_finite()) {
-        None => Ok(entries),
-        Some(index) => Err(error(py, Error::NotFinite { what: name, index })),
-    }
+    checked(py, name, array, shape, |value| !value.is_finite())
 }
 
 /// Entries that are finite or NaN.
@@ -101,11 +112,7 @@ fn finite_or_missing(
     array: &Floats<'_>,
     shape: &[Option<usize>],
 ) -> PyResult<Vec<f64>> {
-    let entries = entries(py, name, array, shape)?;
-    match entries.iter().position(|value| value.is_infinite()) {
-        None => Ok(entries),
-        Some(index) => Err(error(py, Error::NotFinite { what: name, index })),
-    }
+    checked(py, name, array, shape, |value| value.is_infinite())
 }
 
 /// A table of bearings with a given number of rows, and the number of its columns.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Scenes as problems, and distances from the truth.
 
-use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Real, Scene, Triple, align, simulate};
+use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Real, Scene, Triple, simulate};
 use nalgebra::Point2;
 
 pub const LAYOUTS: [Layout; 2] = [Layout::Mixed, Layout::Enclosed];
@@ -45,25 +45,6 @@ pub fn triples(scene: &Scene) -> Vec<Triple<f64>> {
 
 /// Largest distance of a complete map from the truth after alignment, over the size of the arena.
 pub fn error<T: Real>(found: &Map<T>, scene: &Scene) -> f64 {
-    let wide = |p: Point2<T>| Point2::new(p.x.as_f64(), p.y.as_f64());
-    let views = found
-        .poses
-        .iter()
-        .map(|pose| wide(pose.unwrap().translation.vector.into()));
-    let found: Vec<Point2<f64>> = views
-        .chain(found.landmarks.iter().map(|p| wide(p.unwrap())))
-        .collect();
-    let truth: Vec<Point2<f64>> = scene
-        .poses
-        .iter()
-        .map(|pose| pose.translation.vector.into())
-        .chain(scene.landmarks.iter().copied())
-        .collect();
-    let similarity = align(&found, &truth).unwrap();
-    found
-        .iter()
-        .zip(&truth)
-        .map(|(f, t)| (similarity.transform_point(f) - t).norm())
-        .fold(0.0, f64::max)
-        / Arena::default().width
+    assert!(found.is_complete());
+    scene.errors(found).unwrap().position_max / Arena::default().width
 }

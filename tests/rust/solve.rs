@@ -254,3 +254,28 @@ fn progress_can_stop_the_work() {
     assert_eq!(stopped, Err(Error::Interrupted));
     assert_eq!(calls, 10);
 }
+
+#[test]
+fn errors_are_those_after_the_best_similarity() {
+    let scene = scene(Layout::Mixed, 5, 8, 0.0, 3);
+    let mut map = truth(&scene).normalized();
+    let exact = scene.errors(&map).unwrap();
+    assert!(exact.position_max < 1e-13 && exact.heading_max < 1e-13);
+    // One landmark undetermined does not count; one heading turned counts alone.
+    map.landmarks[2] = None;
+    let pose = map.poses[1].as_mut().unwrap();
+    *pose = bearslam::pose(
+        pose.translation.x,
+        pose.translation.y,
+        pose.rotation.angle() + 0.1,
+    );
+    let turned = scene.errors(&map).unwrap();
+    assert!(turned.position_max < 1e-13);
+    assert!((turned.heading_max - 0.1).abs() < 1e-12);
+    assert!((turned.heading_rms - 0.1 / 5.0_f64.sqrt()).abs() < 1e-12);
+    map.poses.pop();
+    assert!(matches!(
+        scene.errors(&map),
+        Err(Error::LengthMismatch { .. })
+    ));
+}
