@@ -25,6 +25,34 @@ struct Counts {
     worst: f64,
 }
 
+impl Counts {
+    fn add(&mut self, other: &Self) {
+        self.found += other.found;
+        self.twin += other.twin;
+        self.degenerate += other.degenerate;
+        self.ill_conditioned += other.ill_conditioned;
+        self.lost += other.lost;
+        self.worst = self.worst.max(other.worst);
+    }
+}
+
+impl std::fmt::Display for Counts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            found,
+            twin,
+            degenerate,
+            ill_conditioned,
+            lost,
+            worst,
+        } = self;
+        write!(
+            f,
+            "{found} | {twin} | {degenerate} | {ill_conditioned} | {lost} | {worst:.1e}"
+        )
+    }
+}
+
 /// What counts as found and as ill-conditioned for a scalar type.
 struct Limits {
     error: f64,
@@ -55,30 +83,35 @@ fn main() {
 }
 
 fn table<T: Real>(scenes: u64, limits: &Limits) {
-    println!(
-        "{:>5} {:>9} {:>8} {:>6} {:>5} {:>10} {:>15} {:>5} {:>8}",
-        "views",
-        "landmarks",
-        "layout",
-        "found",
-        "twin",
-        "degenerate",
-        "ill-conditioned",
-        "lost",
-        "worst"
-    );
+    let head = "| views | landmarks | layout | found | twin | degenerate | ill-conditioned | lost | worst |";
+    let rule = format!("|{}", "---|".repeat(9));
+    println!("{head}\n{rule}");
     let few = [4, 5, 6, 8, 12].map(|views| (views, 4));
     let many = [3, 4, 5, 6, 8, 10, 12]
         .into_iter()
         .flat_map(|views| [5, 6, 7, 8, 10, 12, 15].map(|landmarks| (views, landmarks)));
+    let mut classes: Vec<(String, Counts)> = Vec::new();
     for (views, landmarks) in few.into_iter().chain(many) {
         for (name, layout) in [("mixed", Layout::Mixed), ("enclosed", Layout::Enclosed)] {
-            let c = count::<T>(layout, views, landmarks, scenes, limits);
-            println!(
-                "{views:>5} {landmarks:>9} {name:>8} {:>6} {:>5} {:>10} {:>15} {:>5} {:>8.1e}",
-                c.found, c.twin, c.degenerate, c.ill_conditioned, c.lost, c.worst
-            );
+            let counts = count::<T>(layout, views, landmarks, scenes, limits);
+            println!("| {views} | {landmarks} | {name} | {counts} |");
+            let class = match (views, landmarks) {
+                (_, 4) => "4..12 | 4",
+                (3, 5) => "3 | 5",
+                (3, _) => "3 | 6..15",
+                (_, 5) => "4..12 | 5",
+                _ => "4..12 | 6..15",
+            };
+            let class = format!("| {class} | {name} |");
+            match classes.iter_mut().find(|(other, _)| *other == class) {
+                Some((_, sum)) => sum.add(&counts),
+                None => classes.push((class, counts)),
+            }
         }
+    }
+    println!("\nTogether:\n{head}\n{rule}");
+    for (class, counts) in classes {
+        println!("{class} {counts} |");
     }
 }
 

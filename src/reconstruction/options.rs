@@ -16,8 +16,7 @@ pub enum Strategy {
 
 /// How wide a search is.
 ///
-/// The defaults are the cheapest rule that found the best known minimum in every scene of the
-/// paper's sizes that was tried (`docs/accuracy.md`).
+/// `docs/accuracy.md` has how often the defaults miss the best known minimum, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Search {
     /// Triples of views whose tensor is estimated.
