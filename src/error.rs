@@ -140,7 +140,8 @@ impl fmt::Display for Error {
             } => {
                 write!(
                     f,
-                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}"
+                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}; add landmarks off \
+                     their common line or circle, or views from other places"
                 )
             }
             Self::Interrupted => write!(f, "interrupted by the caller"),

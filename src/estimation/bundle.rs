@@ -7,6 +7,7 @@
 
 use super::map::Map;
 use super::problem::Problem;
+use crate::error::Error;
 use crate::geometry::{Pose, signed_angle};
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -60,6 +61,48 @@ impl<T: Real> Bundle<T> {
         }
         for (to, from) in map.landmarks.iter_mut().flatten().zip(&self.landmarks) {
             *to = *from;
+        }
+    }
+
+    /// The size of the map as a power of two, so that scaling by it loses no digit.
+    pub fn unit(&self) -> Result<T, Error> {
+        let positions = self.poses.iter().map(|pose| pose.translation.vector);
+        let positions = positions.chain(self.landmarks.iter().map(|point| point.coords));
+        let (mut low, mut high) = (Vector2::repeat(T::zero()), Vector2::repeat(T::zero()));
+        for (k, position) in positions.enumerate() {
+            if !(position.x.is_finite() && position.y.is_finite()) {
+                return Err(Error::NotFinite {
+                    what: "positions of the start",
+                    index: k,
+                });
+            }
+            if k == 0 {
+                (low, high) = (position, position);
+            }
+            low = low.inf(&position);
+            high = high.sup(&position);
+        }
+        let size = (high.x - low.x).max(high.y - low.y);
+        let unit = T::lit(2.0).powf(size.log2().round());
+        if size > T::zero() && unit.is_finite() && unit > T::zero() && (T::one() / unit).is_finite()
+        {
+            Ok(unit)
+        } else {
+            Err(Error::Degenerate {
+                quantity: "extent of the start",
+                value: size.as_f64(),
+                bound: 0.0,
+            })
+        }
+    }
+
+    /// Scales all positions.
+    pub fn scale(&mut self, factor: T) {
+        for pose in &mut self.poses {
+            pose.translation.vector *= factor;
+        }
+        for point in &mut self.landmarks {
+            point.coords *= factor;
         }
     }
 

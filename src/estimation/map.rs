@@ -47,6 +47,9 @@ pub enum Why {
     },
     /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
     Degenerate,
+    /// A landmark so far away that its rays are parallel within their noise: its direction is known,
+    /// its range is not.
+    AtInfinity,
 }
 
 /// A view or landmark without an estimate, and why.
@@ -69,6 +72,7 @@ impl fmt::Display for Why {
                 "has {got} sightings to the determined part of the map, needs {needed}"
             ),
             Self::Degenerate => write!(f, "its sightings do not fix it"),
+            Self::AtInfinity => write!(f, "its rays are parallel within their noise"),
         }
     }
 }

@@ -101,8 +101,9 @@ const MAX_DENSE: usize = 1 << 14;
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
-/// three sightings are left, [`Error::NotFinite`] when the start is not finite, [`Error::TooLarge`]
-/// when the reduced system exceeds 16384 unknowns, [`Error::Interrupted`] when `watch` says so.
+/// three sightings are left, [`Error::NotFinite`] when the start is not finite,
+/// [`Error::Degenerate`] when it is a single place, [`Error::TooLarge`] when the reduced system
+/// exceeds 16384 unknowns, [`Error::Interrupted`] when `watch` says so.
 ///
 /// # Reference
 /// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
@@ -141,11 +142,14 @@ pub fn refine_map<T: Real>(
         restricted = map.restrict(problem);
         &restricted
     };
+    let unit = bundle.unit()?;
+    bundle.scale(T::one() / unit);
     let (cost, termination, iterations) = if keeps_landmarks(active) {
         minimize::<T, 3, 2>(&mut bundle, active, options, watch)?
     } else {
         minimize::<T, 2, 3>(&mut bundle, active, options, watch)?
     };
+    bundle.scale(unit);
     bundle.write_to(map);
     Ok(Report {
         cost,

@@ -8,7 +8,7 @@ use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 /// How sensitive a refined map is to noise in the direction that the bearings hold least: the
 /// predicted standard deviation of the map over its size, for residuals of one sigma.
@@ -63,4 +63,36 @@ where
         sum + block[0] * block[0] + block[1] * block[1]
     });
     (square / size).sqrt().as_f64()
+}
+
+/// The landmarks of a refined map of which only the direction is known: with the views held fixed, the
+/// predicted standard deviation of their range exceeds the range itself. Their rays are parallel
+/// within their noise, and where along them the refinement has stopped means nothing.
+///
+/// `variance` is that of the residuals over sigma.
+pub fn unbounded_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T) -> Vec<usize> {
+    let mut found = Vec::new();
+    for (landmark, point) in map.landmarks.iter().enumerate() {
+        let Some(point) = point else { continue };
+        let mut information = Matrix2::zeros();
+        for &k in problem.of_landmark(landmark) {
+            let s = &problem.sightings()[k];
+            let Some(pose) = map.poses[s.view] else {
+                continue;
+            };
+            let offset = point.coords - pose.translation.vector;
+            let square = offset.norm_squared();
+            // Times the distance: information about the position in units of the range.
+            let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / square.sqrt());
+            information += gradient * gradient.transpose();
+        }
+        // The smaller eigenvalue, in a narrow bundle.
+        let trace = information.trace();
+        let determinant = information.determinant().max(T::zero());
+        let held = determinant / trace;
+        if trace > T::zero() && held < variance {
+            found.push(landmark);
+        }
+    }
+    found
 }

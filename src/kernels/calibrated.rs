@@ -141,11 +141,12 @@ impl<T: Real> CalibratedTensor<T> {
                     let (u, v, w) = (unit[i], unit[j], unit[k]);
                     let [p, q, r] = products(u, v, w);
                     let [a, b, c] = self.coefficients;
-                    (a * p + b * q + c * r).re
+                    // The three frequencies are orthogonal: without the half the norm would be 2.
+                    (a * p + b * q + c * r).re * T::lit(0.5)
                 })
             })
         });
-        TrifocalTensor { entries }.normalized()
+        TrifocalTensor { entries }
     }
 
     /// Minus the cosine of the angle at view 0 between the baselines, from the three sides, (T6);

@@ -106,10 +106,14 @@ pub struct Epipoles<T: Real> {
 /// four epipoles are their images under the homographies (section 3.2).
 ///
 /// # Errors
-/// [`Error::Degenerate`] when the pencil vanishes: every bearing is an eigenvector, as with views
-/// that coincide.
+/// [`Error::Degenerate`] when the tensor is zero or not finite, or the pencil vanishes: every bearing
+/// is an eigenvector, as with views that coincide.
 pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Error> {
-    let tensor = tensor.normalized();
+    let tensor = tensor.normalized().ok_or(Error::Degenerate {
+        quantity: "norm of the tensor",
+        value: tensor.norm().as_f64(),
+        bound: 0.0,
+    })?;
     let [k, l] = intrinsic_homographies(&tensor, 1, 2);
     // det(s K - t L) = a s^2 + b s t + c t^2
     let (a, c) = (k.determinant(), l.determinant());

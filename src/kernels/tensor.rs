@@ -103,13 +103,20 @@ impl<T: Real> TrifocalTensor<T> {
             .sqrt()
     }
 
-    /// The same relation with unit Frobenius norm.
-    pub fn normalized(&self) -> Self {
-        let norm = self.norm();
-        Self {
-            entries: self
-                .entries
-                .map(|slice| slice.map(|row| row.map(|t| t / norm))),
+    /// The same relation with unit Frobenius norm; `None` for a tensor that is zero or not finite.
+    pub fn normalized(&self) -> Option<Self> {
+        let flat = self.entries.as_flattened().as_flattened();
+        let largest = flat.iter().fold(T::zero(), |most, t| most.max(t.abs()));
+        if !(largest > T::zero() && largest.is_finite() && self.norm() >= T::zero()) {
+            return None;
         }
+        // Two steps, lest squares overflow or vanish.
+        let scaled = self
+            .entries
+            .map(|slice| slice.map(|row| row.map(|t| t / largest)));
+        let norm = Self { entries: scaled }.norm();
+        Some(Self {
+            entries: scaled.map(|slice| slice.map(|row| row.map(|t| t / norm))),
+        })
     }
 }

@@ -4,7 +4,7 @@
 use super::expand::{grow, score};
 use super::four;
 use super::options::{Progress, Search, tell};
-use super::triples::{self, Sight, common_bearings};
+use super::triples::{self, common_bearings};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
@@ -100,24 +100,14 @@ pub fn search<T: Real>(
 
 /// What to say when no three views share enough landmarks.
 fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
-    let views = problem.views();
-    let sight = Sight::new(problem);
-    let mut most = 0;
-    for i in 0..views.min(60) {
-        for j in i + 1..views.min(60) {
-            for k in j + 1..views.min(60) {
-                most = most.max(sight.common([i, j, k]));
-            }
-        }
-    }
     Error::TooFew {
         what: "landmarks seen by the same three views",
-        needed: if views > 3 {
+        needed: if problem.views() > 3 {
             MIN_SHARED_WITH_FOURTH
         } else {
             MIN_SHARED
         },
-        got: most,
+        got: triples::most_shared(problem),
     }
 }
 

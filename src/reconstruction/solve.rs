@@ -7,7 +7,8 @@ use super::result::Reconstruction;
 use super::search::{self, Hypotheses, near};
 use crate::error::Error;
 use crate::estimation::{
-    Map, Problem, RefineOptions, Report, Termination, refine_map, sensitivity,
+    Map, Problem, RefineOptions, Report, Subject, Termination, Watch, Why, refine_map, sensitivity,
+    unbounded_landmarks,
 };
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -92,14 +93,49 @@ pub fn refine<T: Real>(
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
-    let report = refine_map(
-        problem,
-        &mut map,
-        options,
-        Some(&mut |done, _| tell(&mut progress, "refine", done, total)),
-    )?;
+    let report = refine_bounded(problem, &mut map, options, &mut |done, _| {
+        tell(&mut progress, "refine", done, total)
+    })?;
     Ok(Reconstruction::new(problem, &map, report))
 }
+
+/// Refines a map, takes out landmarks that have gone to infinity, and refines what is left.
+fn refine_bounded<T: Real>(
+    problem: &Problem<T>,
+    map: &mut Map<T>,
+    options: &RefineOptions<T>,
+    watch: Watch<'_>,
+) -> Result<Report<T>, Error> {
+    let mut report = refine_map(problem, map, options, Some(&mut *watch))?;
+    let mut dropped = Vec::new();
+    for _ in 0..MAX_ROUNDS {
+        let freedom = freedom(problem, map);
+        if freedom == 0 {
+            break;
+        }
+        let variance = T::lit(2.0) * report.cost / T::lit(freedom as f64);
+        let unbounded = unbounded_landmarks(problem, map, variance);
+        if unbounded.is_empty() {
+            break;
+        }
+        for &landmark in &unbounded {
+            map.landmarks[landmark] = None;
+        }
+        dropped.extend(unbounded.into_iter().map(Subject::Landmark));
+        let iterations = report.iterations;
+        report = refine_map(problem, map, options, Some(&mut *watch))?;
+        report.iterations += iterations;
+    }
+    for undetermined in &mut report.undetermined {
+        if dropped.contains(&undetermined.subject) {
+            undetermined.why = Why::AtInfinity;
+        }
+    }
+    Ok(report)
+}
+
+/// Most times that landmarks are taken out; a map without them seldom sends others away.
+const MAX_ROUNDS: usize = 4;
 
 /// Poses and landmarks from bearings alone: no odometry, no guess.
 ///
@@ -147,12 +183,9 @@ pub fn solve<T: Real>(
     let total = candidates.min(maps.len());
     let mut refined: Vec<Reconstruction<T>> = Vec::with_capacity(total);
     for (done, mut map) in maps.into_iter().take(candidates).enumerate() {
-        let report = refine_map(
-            problem,
-            &mut map,
-            &options.refine,
-            Some(&mut |_, _| tell(&mut progress, "refine", done, total)),
-        );
+        let report = refine_bounded(problem, &mut map, &options.refine, &mut |_, _| {
+            tell(&mut progress, "refine", done, total)
+        });
         match report {
             Ok(report) => {
                 let found = Reconstruction::new(problem, &map, report);
@@ -187,7 +220,7 @@ fn judge<T: Real>(
     // the uncertainty says so.
     if !(per_radian < bound) && best.rms < T::eps().sqrt() {
         return Err(Error::Degenerate {
-            quantity: "relative error of the map per radian of bearing noise",
+            quantity: "sensitivity of the map to bearing noise, in map sizes per radian,",
             value: per_radian,
             bound,
         });

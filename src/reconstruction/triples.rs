@@ -4,6 +4,7 @@
 use crate::estimation::Problem;
 use crate::kernels::Triple;
 use crate::scalar::Real;
+use alloc::vec;
 use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -14,31 +15,63 @@ const LISTED_VIEWS: usize = 40;
 /// Draws per triple wanted when they are not listed.
 const DRAWS: usize = 50;
 
-/// Bit sets of the landmarks that each view sees.
-pub struct Sight {
+/// Bit sets of the landmarks that each view sees, for the views and landmarks that take part.
+struct Sight {
+    /// The views that see at least as many landmarks as are needed.
+    views: Vec<usize>,
     words: usize,
     bits: Vec<u64>,
 }
 
 impl Sight {
-    pub fn new<T: Real>(problem: &Problem<T>) -> Self {
-        let words = problem.landmarks().div_ceil(64);
-        let mut bits = alloc::vec![0_u64; words * problem.views()];
-        for s in problem.sightings() {
-            bits[s.view * words + s.landmark / 64] |= 1 << (s.landmark % 64);
+    fn new<T: Real>(problem: &Problem<T>, needed: usize) -> Self {
+        let views: Vec<usize> = (0..problem.views())
+            .filter(|&view| problem.of_view(view).len() >= needed)
+            .collect();
+        // Landmarks numbered anew: indices may have gaps.
+        let mut number = vec![0; problem.landmarks()];
+        let mut count = 0;
+        for (landmark, number) in number.iter_mut().enumerate() {
+            *number = count;
+            count += usize::from(problem.of_landmark(landmark).len() >= 3);
         }
-        Self { words, bits }
+        let words = count.div_ceil(64).max(1);
+        let mut bits = vec![0_u64; words * views.len()];
+        for (slot, &view) in views.iter().enumerate() {
+            for s in problem.of_view(view) {
+                if problem.of_landmark(s.landmark).len() >= 3 {
+                    let bit = number[s.landmark];
+                    bits[slot * words + bit / 64] |= 1 << (bit % 64);
+                }
+            }
+        }
+        Self { views, words, bits }
     }
 
-    /// How many landmarks all three views see.
-    pub fn common(&self, views: [usize; 3]) -> usize {
-        let [a, b, c] = views.map(|v| &self.bits[v * self.words..(v + 1) * self.words]);
+    /// How many landmarks three views see, by their place in the list.
+    fn common(&self, slots: [usize; 3]) -> usize {
+        let [a, b, c] = slots.map(|v| &self.bits[v * self.words..(v + 1) * self.words]);
         a.iter()
             .zip(b)
             .zip(c)
             .map(|((a, b), c)| (a & b & c).count_ones() as usize)
             .sum()
     }
+
+    /// All triples of the first `views` in the list.
+    fn triples(&self, views: usize) -> impl Iterator<Item = [usize; 3]> {
+        let views = views.min(self.views.len());
+        (0..views).flat_map(move |i| {
+            (i + 1..views).flat_map(move |j| (j + 1..views).map(move |k| [i, j, k]))
+        })
+    }
+}
+
+/// The most landmarks that any three views share, among the first few dozen views.
+pub fn most_shared<T: Real>(problem: &Problem<T>) -> usize {
+    let sight = Sight::new(problem, 1);
+    let all = sight.triples(LISTED_VIEWS).map(|slots| sight.common(slots));
+    all.max().unwrap_or(0)
 }
 
 /// Up to `count` different triples of views that share at least `needed` landmarks, in random order.
@@ -48,20 +81,13 @@ pub fn draw<T: Real>(
     count: usize,
     seed: u64,
 ) -> Vec<[usize; 3]> {
-    let sight = Sight::new(problem);
-    let views = problem.views();
+    let sight = Sight::new(problem, needed);
+    let views = sight.views.len();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut triples = Vec::new();
+    let mut triples: Vec<[usize; 3]> = Vec::new();
     if views <= LISTED_VIEWS {
-        for i in 0..views {
-            for j in i + 1..views {
-                for k in j + 1..views {
-                    if sight.common([i, j, k]) >= needed {
-                        triples.push([i, j, k]);
-                    }
-                }
-            }
-        }
+        let all = sight.triples(views);
+        triples.extend(all.filter(|&slots| sight.common(slots) >= needed));
         // The first `count` places of a random permutation.
         for place in 0..count.min(triples.len()) {
             let other = random.random_range(place..triples.len());
@@ -82,6 +108,9 @@ pub fn draw<T: Real>(
         }
     }
     triples
+        .into_iter()
+        .map(|slots| slots.map(|slot| sight.views[slot]))
+        .collect()
 }
 
 /// The bearings of the landmarks that three views share, and which these are.

@@ -112,3 +112,27 @@ fn tensors_vanish_on_their_landmarks() {
         assert_eq!(problem(&scene).sightings().len(), 27);
     }
 }
+
+#[test]
+fn the_scale_of_a_tensor_does_not_matter() {
+    let triples = triples(&scene(Layout::Mixed, 3, 9, 0.0, 4));
+    let tensor = bearslam::trifocal_tensor(&triples, CALIBRATED).unwrap();
+    let expected = bearslam::epipoles(&tensor).unwrap();
+    for scale in [1e-300, 1e300] {
+        let scaled = bearslam::TrifocalTensor {
+            entries: tensor
+                .entries
+                .map(|slice| slice.map(|row| row.map(|t| t * scale))),
+        };
+        let found = bearslam::epipoles(&scaled).unwrap();
+        assert!((found.discriminant / expected.discriminant - 1.0).abs() < 1e-9);
+        let moved = found.directions[0][0][1] - expected.directions[0][0][1];
+        assert!(moved.norm() < 1e-9);
+    }
+    for bad in [0.0, f64::NAN, f64::INFINITY] {
+        let tensor = bearslam::TrifocalTensor {
+            entries: [[[bad; 2]; 2]; 2],
+        };
+        assert!(bearslam::epipoles(&tensor).is_err());
+    }
+}

@@ -221,3 +221,31 @@ fn a_landmark_on_its_view_does_not_stop_the_work() {
     let report = refine_map(&problem(&scene), &mut map, &RefineOptions::default(), None).unwrap();
     assert!(report.cost.is_finite());
 }
+
+#[test]
+fn the_scale_of_the_start_does_not_matter() {
+    let scene = scene(Layout::Mixed, 4, 9, 0.6, 1);
+    let problem = problem(&scene);
+    let options = RefineOptions::default();
+    let expected = refine(&problem, &truth(&scene), &options, None)
+        .unwrap()
+        .cost;
+    for scale in [1e-150, 1e-20, 1e8, 1e20, 1e150] {
+        let similarity = nalgebra::Similarity2::new(nalgebra::Vector2::zeros(), 0.0, scale);
+        let mut map = truth(&scene).transformed(&similarity);
+        let report = refine_map(&problem, &mut map, &options, None).unwrap();
+        assert!(
+            (report.cost / expected - 1.0).abs() < 1e-9,
+            "{scale:e} {report:?}"
+        );
+    }
+    let mut place = truth(&scene);
+    for pose in place.poses.iter_mut().flatten() {
+        pose.translation.vector.fill(1.0);
+    }
+    for point in place.landmarks.iter_mut().flatten() {
+        point.coords.fill(1.0);
+    }
+    let error = refine_map(&problem, &mut place, &options, None).unwrap_err();
+    assert!(matches!(error, Error::Degenerate { .. }), "{error}");
+}

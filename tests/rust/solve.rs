@@ -279,3 +279,49 @@ fn errors_are_those_after_the_best_similarity() {
         Err(Error::LengthMismatch { .. })
     ));
 }
+
+#[test]
+fn landmarks_at_infinity_are_undetermined_and_the_rest_is_kept() {
+    // Seeds 19, 37 and 58 had a landmark at 1e9 with nothing said about it.
+    for seed in 0..60 {
+        let scene = scene(Layout::Enclosed, 4, 9, 1.53, seed);
+        let found = solve(&problem(&scene), &SolveOptions::default(), None).unwrap();
+        for point in found.map.landmarks.iter().flatten() {
+            assert!(point.coords.norm() < 1e4, "{seed}: {point}");
+        }
+        for undetermined in &found.undetermined {
+            assert_eq!(undetermined.why, Why::AtInfinity);
+        }
+        assert!(found.map.poses.iter().all(Option::is_some));
+        if [19, 37, 58].contains(&seed) {
+            assert!(!found.undetermined.is_empty(), "{seed}");
+        }
+    }
+}
+
+#[test]
+fn gaps_in_the_indices_change_nothing() {
+    let scene = scene(Layout::Mixed, 4, 9, 0.5, 1);
+    let dense = solve(&problem(&scene), &SolveOptions::default(), None).unwrap();
+    let gappy: Vec<Sighting<f64>> = (0..36)
+        .map(|k| Sighting {
+            view: 900 * (k / 9),
+            landmark: 70 * (k % 9) + 5,
+            bearing: scene.bearings[k],
+            sigma: 1.0,
+        })
+        .collect();
+    let problem = Problem::new(2701, 566, &gappy).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!((found.cost / dense.cost - 1.0).abs() < 1e-9);
+    assert_eq!(found.undetermined.len(), 2701 + 566 - 13);
+    let few = Problem::new(2701, 566, &gappy[..20]).unwrap();
+    assert_eq!(
+        solve(&few, &SolveOptions::default(), None).unwrap_err(),
+        Error::TooFew {
+            what: "landmarks seen by the same three views",
+            needed: 4,
+            got: 2
+        }
+    );
+}
