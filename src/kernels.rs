@@ -21,7 +21,21 @@ pub use three_view::{Method, ThreeView, three_view, trifocal_tensor};
 pub use triangular::{NullSpace, TriangularFactor};
 pub use triangulate::{Triangulation, triangulate};
 
+use crate::error::Error;
 use crate::geometry::Bearing;
+use crate::scalar::Real;
 
 /// One landmark as three views see it: the bearings in the frames of views 0, 1 and 2.
 pub type Triple<T> = [Bearing<T>; 3];
+
+/// An error for the first landmark with a bearing that is not finite.
+fn check_finite<T: Real>(triples: &[Triple<T>]) -> Result<(), Error> {
+    let finite = |triple: &Triple<T>| triple.iter().all(|b| b.re.is_finite() && b.im.is_finite());
+    match triples.iter().position(|triple| !finite(triple)) {
+        None => Ok(()),
+        Some(index) => Err(Error::NotFinite {
+            what: "bearings",
+            index,
+        }),
+    }
+}

@@ -60,7 +60,7 @@ pub struct Scene {
 
 /// A random scene with Gaussian noise of standard deviation `noise` \[rad\] on every bearing.
 ///
-/// The same arguments give the same scene on every machine.
+/// The same arguments give the same scene, up to rounding in the sines and cosines of the platform.
 ///
 /// # Errors
 /// [`Error::TooFew`] for no views or no landmarks, [`Error::NotPositive`] for a negative or NaN

@@ -45,6 +45,8 @@ pub enum Why {
         /// How many it takes.
         needed: usize,
     },
+    /// The start of the refinement has no value for it.
+    NoStart,
     /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
     Degenerate,
     /// A landmark so far away that its rays are parallel within their noise: its direction is known,
@@ -71,6 +73,7 @@ impl fmt::Display for Why {
                 f,
                 "has {got} sightings to the determined part of the map, needs {needed}"
             ),
+            Self::NoStart => write!(f, "the start has no value for it"),
             Self::Degenerate => write!(f, "its sightings do not fix it"),
             Self::AtInfinity => write!(f, "its rays are parallel within their noise"),
         }

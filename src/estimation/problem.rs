@@ -74,7 +74,10 @@ impl<T: Real> Problem<T> {
                     return Err(Error::NotFinite { what, index });
                 }
             }
-            if s.sigma <= T::zero() {
+            let weight = T::one() / s.sigma;
+            let square = weight * weight;
+            // Its square must be a number as well, or the cost is none.
+            if !(s.sigma > T::zero() && square > T::zero() && square.is_finite()) {
                 return Err(Error::NotPositive {
                     what: "sigma",
                     index,
@@ -117,10 +120,10 @@ impl<T: Real> Problem<T> {
     /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
     /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
     pub fn dense(views: usize, landmarks: usize, bearings: &[T], sigma: T) -> Result<Self, Error> {
-        if bearings.len() != views * landmarks {
+        if views.checked_mul(landmarks) != Some(bearings.len()) {
             return Err(Error::LengthMismatch {
                 what: "bearings",
-                expected: views * landmarks,
+                expected: views.saturating_mul(landmarks),
                 got: bearings.len(),
             });
         }

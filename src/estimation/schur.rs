@@ -366,6 +366,27 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         (0..K).fold(slot.residual, |sum, i| sum + slot.stay[i] * step[i])
     }
 
+    /// The largest variance of the first two parameters together of a block that went, with those that
+    /// stay held fixed, for residuals of unit variance; infinite when one is free.
+    pub fn loosest_block(&self) -> T {
+        let mut worst = T::zero();
+        for block in &self.blocks {
+            let mut variance = T::zero();
+            for i in 0..E.min(2) {
+                let mut unit = [T::zero(); E];
+                unit[i] = T::one();
+                let column = block.forward(unit);
+                variance += dot(&column, &column);
+            }
+            // A pivot of zero in the factor is a free direction, not a known one.
+            let free = (0..E).any(|i| block.factor[i][i] <= T::zero());
+            if free || variance > worst {
+                worst = if free { T::one() / T::zero() } else { variance };
+            }
+        }
+        worst
+    }
+
     /// The direction of the blocks that stay in which the data hold them least, as a displacement one
     /// standard deviation long when residuals have unit variance.
     ///

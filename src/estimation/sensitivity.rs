@@ -11,7 +11,8 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix2, Vector2};
 
 /// How sensitive a refined map is to noise in the direction that the bearings hold least: the
-/// predicted standard deviation of the map over its size, for residuals of one sigma.
+/// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
+/// position of a single view, where that is more.
 ///
 /// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
 /// the number is rounding itself.
@@ -59,10 +60,19 @@ where
         return f64::INFINITY;
     }
     let direction = schur.weakest_direction();
-    let square = direction.chunks_exact(K).fold(T::zero(), |sum, block| {
-        sum + block[0] * block[0] + block[1] * block[1]
-    });
-    (square / size).sqrt().as_f64()
+    let square = |block: &[T]| block[0] * block[0] + block[1] * block[1];
+    let spread = direction
+        .chunks_exact(K)
+        .fold(T::zero(), |sum, block| sum + square(block));
+    // A view that the landmarks do not hold, though they are held themselves. Landmarks that views do
+    // not hold are found one by one (`unbounded_landmarks`).
+    let mean = size / T::lit(points.len() as f64);
+    let loosest = if E == 3 {
+        schur.loosest_block() / mean
+    } else {
+        T::zero()
+    };
+    (spread / size).max(loosest).sqrt().as_f64()
 }
 
 /// The landmarks of a refined map of which only the direction is known: with the views held fixed, the

@@ -43,7 +43,8 @@ impl<T: Real> CalibratedTensor<T> {
     /// accuracy of maximum likelihood.
     ///
     /// # Errors
-    /// [`Error::TooFew`] for fewer than five landmarks. [`Error::Degenerate`] when the second
+    /// [`Error::TooFew`] for fewer than five landmarks, [`Error::NotFinite`] for a bearing that is not,
+    /// [`Error::Degenerate`] when the second
     /// smallest singular value is rounding: all landmarks lie on one cubic curve through the views
     /// (a straight wall, a circle through them), or views coincide.
     pub fn estimate(triples: &[Triple<T>], reweights: usize) -> Result<Self, Error> {
@@ -54,6 +55,8 @@ impl<T: Real> CalibratedTensor<T> {
                 got: triples.len(),
             });
         }
+        super::check_finite(triples)?;
+        let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
         let estimate = |mut factor: TriangularFactor<T, 6>| {
             let (vector, singular_values) = factor.null_vector();
             Self::from_vector(&vector, singular_values)
@@ -62,10 +65,12 @@ impl<T: Real> CalibratedTensor<T> {
         // Five landmarks are explained exactly, however they are weighted.
         if triples.len() > MIN_LANDMARKS {
             for _ in 0..reweights {
+                if !(tensor.singular_values[1] > bound) {
+                    break;
+                }
                 tensor = estimate(factor(triples, |row| tensor.weight(row)));
             }
         }
-        let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
         if tensor.singular_values[1] > bound {
             Ok(tensor)
         } else {

@@ -20,7 +20,8 @@ pub(super) const MIN_LANDMARKS: usize = 7;
 /// landmark (section 3.1).
 ///
 /// # Errors
-/// [`Error::TooFew`] for fewer than seven landmarks; [`Error::Degenerate`] when the second smallest
+/// [`Error::TooFew`] for fewer than seven landmarks, [`Error::NotFinite`] for a bearing that is not,
+/// [`Error::Degenerate`] when the second smallest
 /// singular value is rounding.
 pub fn projective_tensor<T: Real>(triples: &[Triple<T>]) -> Result<TrifocalTensor<T>, Error> {
     if triples.len() < MIN_LANDMARKS {
@@ -30,6 +31,7 @@ pub fn projective_tensor<T: Real>(triples: &[Triple<T>]) -> Result<TrifocalTenso
             got: triples.len(),
         });
     }
+    super::check_finite(triples)?;
     let mut factor = TriangularFactor::<T, 8>::new();
     for triple in triples {
         let [u, v, w] = triple.map(|b| [b.re, b.im]);

@@ -34,7 +34,8 @@ pub struct Resection<T: Real> {
 /// `sightings` yields a landmark and its bearing; it is run through a few times.
 ///
 /// # Errors
-/// [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are a single
+/// [`Error::TooFew`] for fewer than three landmarks; [`Error::NotFinite`] for a landmark or bearing that
+/// is not (or whose square overflows); [`Error::Degenerate`] when they are a single
 /// place, or on one circle with the view.
 ///
 /// # Example
@@ -62,8 +63,14 @@ where
         .map(|(point, bearing)| (Complex::new(point.x, point.y), bearing.into_inner()));
     let mut count = 0_usize;
     let mut centre = Complex::new(T::zero(), T::zero());
-    for (point, _) in sightings.clone() {
+    for (point, bearing) in sightings.clone() {
         centre += point;
+        if !(centre.norm_sqr() + bearing.norm_sqr()).is_finite() {
+            return Err(Error::NotFinite {
+                what: "sightings of a view",
+                index: count,
+            });
+        }
         count += 1;
     }
     if count < 3 {
@@ -167,12 +174,19 @@ impl<T: Real> Line<T> {
         } else {
             T::one()
         };
+        // Both halves of the angle from the larger: neither loses digits near the axes.
         let half = T::lit(0.5);
-        let (cos, sin) = (
-            ((T::one() + cosine) * half).max(T::zero()).sqrt(),
-            ((T::one() - cosine) * half).max(T::zero()).sqrt(),
-        );
-        let sin = if double.im < T::zero() { -sin } else { sin };
+        let large = ((T::one() + cosine.abs()) * half).sqrt();
+        let small = if length > T::zero() {
+            double.im * half / (length * large)
+        } else {
+            T::zero()
+        };
+        let (cos, sin) = if cosine >= T::zero() {
+            (large, small)
+        } else {
+            (small, large)
+        };
         // (cos, sin) is where the matrix stretches most; w is at right angles to it.
         let (w0, w1) = (-sin, cos);
         let norm = |x: T, y: T| (x * x + y * y).sqrt();

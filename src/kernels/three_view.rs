@@ -56,7 +56,7 @@ const COLLINEAR_HEIGHT: f64 = 0.02;
 ///
 /// # Errors
 /// [`Error::TooFew`] below five ([`Method::Calibrated`]) or seven ([`Method::Projective`])
-/// landmarks; [`Error::Degenerate`] when the landmarks do not determine the motion (one wall, one
+/// landmarks; [`Error::NotFinite`] for a bearing that is not; [`Error::Degenerate`] when the landmarks do not determine the motion (one wall, one
 /// circle through the views) or views coincide.
 ///
 /// # Example

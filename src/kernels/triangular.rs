@@ -80,7 +80,8 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             let column = self.block[k];
             let pivot = self.factor[k][k];
             let below = dot(&column, &column);
-            if below > T::zero() {
+            // A NaN goes in as well, and comes out in every number.
+            if below != T::zero() {
                 let norm = (pivot * pivot + below).sqrt();
                 let signed = if pivot > T::zero() { -norm } else { norm };
                 let head = pivot - signed;

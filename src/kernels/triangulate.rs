@@ -29,7 +29,8 @@ pub struct Triangulation<T: Real> {
 /// `sightings` yields a pose and the bearing measured there; it is run through twice.
 ///
 /// # Errors
-/// [`Error::TooFew`] for fewer than two rays, [`Error::Degenerate`] when the parallax is rounding
+/// [`Error::TooFew`] for fewer than two rays, [`Error::NotFinite`] for a pose or bearing that is not (or
+/// whose square overflows), [`Error::Degenerate`] when the parallax is rounding
 /// (parallel rays, or two views along one line of sight).
 ///
 /// # Example
@@ -53,8 +54,15 @@ where
     let sightings = sightings.into_iter();
     let mut count = 0_usize;
     let mut centre = Complex::new(T::zero(), T::zero());
-    for (pose, _) in sightings.clone() {
+    for (pose, bearing) in sightings.clone() {
         centre += position(&pose);
+        let ray = ray(&pose, &bearing);
+        if !(ray.norm_sqr() + centre.norm_sqr()).is_finite() {
+            return Err(Error::NotFinite {
+                what: "rays of a landmark",
+                index: count,
+            });
+        }
         count += 1;
     }
     if count < 2 {

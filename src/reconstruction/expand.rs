@@ -13,7 +13,8 @@ pub fn triangulate_all<T: Real>(problem: &Problem<T>, map: &mut Map<T>) {
     }
 }
 
-fn triangulate_one<T: Real>(problem: &Problem<T>, map: &mut Map<T>, landmark: usize) {
+/// Triangulates one landmark if at least two determined views see it.
+pub fn triangulate_one<T: Real>(problem: &Problem<T>, map: &mut Map<T>, landmark: usize) {
     let poses = &map.poses;
     let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
         let s = &problem.sightings()[k];

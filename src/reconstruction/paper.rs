@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The paper's path: first three views, fourth view decides, further views one by one.
 
-use super::expand::{resect_view, triangulate_all};
+use super::expand::{grow, resect_view};
 use super::triples::common_bearings;
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
@@ -51,7 +51,8 @@ pub fn follow<T: Real>(problem: &Problem<T>, method: Method) -> Result<[Map<T>; 
         for view in 3..problem.views() {
             map.poses[view] = resect_view(problem, map, view).map(|found| found.0);
         }
-        triangulate_all(problem, map);
+        // What the order of the views has left out.
+        grow(problem, map);
     }
     Ok(maps)
 }

@@ -54,7 +54,11 @@ pub fn search<T: Real>(
     seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
     seeds.truncate(search.grown);
     let mut scored: Vec<(f64, Map<T>)> = Vec::new();
-    for (_, triples, views) in seeds {
+    let total = seeds.len();
+    for (done, (_, triples, views)) in seeds.into_iter().enumerate() {
+        if !tell(progress, "grow", done, total) {
+            return Err(Error::Interrupted);
+        }
         match three_view(&triples, Method::Calibrated { reweights: 1 }) {
             Err(error) => failure = Some(error),
             Ok(solution) => {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From bearings to the best map: hypotheses, refinement, choice.
 
+use super::bounded::{freedom, refine_bounded};
 use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::result::Reconstruction;
 use super::search::{self, Hypotheses, near};
 use crate::error::Error;
 use crate::estimation::{
-    Map, Problem, RefineOptions, Report, Subject, Termination, Watch, Why, refine_map, sensitivity,
-    unbounded_landmarks,
+    Map, Problem, RefineOptions, Report, Subject, Termination, Why, sensitivity,
 };
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -62,7 +62,7 @@ pub fn initialize<T: Real>(
             },
         )
     });
-    choose(judged.collect())
+    choose(problem, judged.collect())
 }
 
 /// Half the sum of squared residuals over sigma.
@@ -79,8 +79,8 @@ fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
 /// Refines a start: one map, no search.
 ///
 /// Places of the start that are `None`, or that its other places do not fix, stay undetermined. The
-/// result is in the gauge of [`solve`]. For repeated calls without the judgement of the result there
-/// is [`refine_map`](crate::refine_map).
+/// result is in the gauge of [`solve`], with its sensitivity and uncertainty, but is no error whatever
+/// they are. [`refine_map`](crate::refine_map) does the bare minimisation.
 ///
 /// # Errors
 /// As [`refine_map`](crate::refine_map).
@@ -93,49 +93,22 @@ pub fn refine<T: Real>(
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
-    let report = refine_bounded(problem, &mut map, options, &mut |done, _| {
+    let mut report = refine_bounded(problem, &mut map, options, &mut |done, _| {
         tell(&mut progress, "refine", done, total)
     })?;
-    Ok(Reconstruction::new(problem, &map, report))
-}
-
-/// Refines a map, takes out landmarks that have gone to infinity, and refines what is left.
-fn refine_bounded<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
-    watch: Watch<'_>,
-) -> Result<Report<T>, Error> {
-    let mut report = refine_map(problem, map, options, Some(&mut *watch))?;
-    let mut dropped = Vec::new();
-    for _ in 0..MAX_ROUNDS {
-        let freedom = freedom(problem, map);
-        if freedom == 0 {
-            break;
-        }
-        let variance = T::lit(2.0) * report.cost / T::lit(freedom as f64);
-        let unbounded = unbounded_landmarks(problem, map, variance);
-        if unbounded.is_empty() {
-            break;
-        }
-        for &landmark in &unbounded {
-            map.landmarks[landmark] = None;
-        }
-        dropped.extend(unbounded.into_iter().map(Subject::Landmark));
-        let iterations = report.iterations;
-        report = refine_map(problem, map, options, Some(&mut *watch))?;
-        report.iterations += iterations;
-    }
     for undetermined in &mut report.undetermined {
-        if dropped.contains(&undetermined.subject) {
-            undetermined.why = Why::AtInfinity;
+        let without = match undetermined.subject {
+            Subject::View(view) => start.poses[view].is_none(),
+            Subject::Landmark(landmark) => start.landmarks[landmark].is_none(),
+        };
+        if without && undetermined.why == Why::Degenerate {
+            undetermined.why = Why::NoStart;
         }
     }
-    Ok(report)
+    let mut found = Reconstruction::new(problem, &map, report);
+    assess(problem, &mut found);
+    Ok(found)
 }
-
-/// Most times that landmarks are taken out; a map without them seldom sends others away.
-const MAX_ROUNDS: usize = 4;
 
 /// Poses and landmarks from bearings alone: no odometry, no guess.
 ///
@@ -182,6 +155,7 @@ pub fn solve<T: Real>(
     };
     let total = candidates.min(maps.len());
     let mut refined: Vec<Reconstruction<T>> = Vec::with_capacity(total);
+    let mut failure = None;
     for (done, mut map) in maps.into_iter().take(candidates).enumerate() {
         let report = refine_bounded(problem, &mut map, &options.refine, &mut |_, _| {
             tell(&mut progress, "refine", done, total)
@@ -199,12 +173,25 @@ pub fn solve<T: Real>(
                     break;
                 }
             }
-            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
             // A hypothesis that cannot even be refined is none.
-            Err(_) => {}
+            Err(error) => failure = Some(error),
         }
     }
-    judge(problem, choose(refined)?)
+    match failure {
+        Some(error) if refined.is_empty() => Err(error),
+        _ => judge(problem, choose(problem, refined)?),
+    }
+}
+
+/// Fills in sensitivity and uncertainty.
+fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+    found.sensitivity = sensitivity(problem, &found.map);
+    let freedom = freedom(problem, &found.map);
+    if freedom > 0 {
+        let variance = T::lit(2.0) * found.cost / T::lit(freedom as f64);
+        found.uncertainty = found.sensitivity * variance.sqrt().as_f64();
+    }
 }
 
 /// Tests the best map for directions that the bearings leave free.
@@ -212,7 +199,7 @@ fn judge<T: Real>(
     problem: &Problem<T>,
     mut best: Reconstruction<T>,
 ) -> Result<Reconstruction<T>, Error> {
-    best.sensitivity = sensitivity(problem, &best.map);
+    assess(problem, &mut best);
     // Beyond this the number is rounding itself.
     let bound = 1.0 / (8.0 * T::eps().sqrt().as_f64());
     let per_radian = best.sensitivity * mean_weight(problem);
@@ -225,11 +212,6 @@ fn judge<T: Real>(
             bound,
         });
     }
-    let freedom = freedom(problem, &best.map);
-    if freedom > 0 {
-        let variance = T::lit(2.0) * best.cost / T::lit(freedom as f64);
-        best.uncertainty = best.sensitivity * variance.sqrt().as_f64();
-    }
     Ok(best)
 }
 
@@ -240,14 +222,6 @@ fn mean_weight<T: Real>(problem: &Problem<T>) -> f64 {
         .iter()
         .fold(T::zero(), |sum, s| sum + s.weight * s.weight);
     (sum / T::lit(sightings.len() as f64)).sqrt().as_f64()
-}
-
-/// Sightings less parameters.
-fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>) -> usize {
-    let views = map.poses.iter().flatten().count();
-    let landmarks = map.landmarks.iter().flatten().count();
-    let sightings = map.residuals(problem).flatten().count();
-    (sightings + 4).saturating_sub(3 * views + 2 * landmarks)
 }
 
 /// First maps, by the strategy of the options.
@@ -266,11 +240,25 @@ fn hypotheses<T: Real>(
 }
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
-fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T>, Error> {
-    // Those that reach more come first: a cost over fewer sightings is no merit.
+fn choose<T: Real>(
+    problem: &Problem<T>,
+    mut found: Vec<Reconstruction<T>>,
+) -> Result<Reconstruction<T>, Error> {
+    // Per degree of freedom, for maps need not explain the same sightings.
+    let variance = |found: &Reconstruction<T>| {
+        found.cost.as_f64() / freedom(problem, &found.map).max(1) as f64
+    };
+    let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
+    let tiny = (T::eps() * T::lit(mean_weight(problem) * mean_weight(problem))).as_f64();
+    // Of those that fit about as well as the best, the one that reaches most.
+    let rank = |found: &Reconstruction<T>| {
+        let variance = variance(found);
+        let fits = variance <= least * AS_GOOD + tiny;
+        (!fits, if fits { missing(found) } else { 0 }, variance)
+    };
     found.sort_by(|a, b| {
-        let missing = a.undetermined.len().cmp(&b.undetermined.len());
-        missing.then(a.cost.as_f64().total_cmp(&b.cost.as_f64()))
+        let (a, b) = (rank(a), rank(b));
+        (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2))
     });
     let mut found = found.into_iter();
     let mut best = found.next().ok_or(Error::Degenerate {
@@ -278,11 +266,11 @@ fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T
         value: 0.0,
         bound: 1.0,
     })?;
-    let bound = (best.rms * T::lit(RIVAL_RMS)).max(T::eps().sqrt());
+    let bound = variance(&best) * AS_GOOD + tiny;
     for rival in found {
         let known = core::iter::once(&best).chain(&best.alternatives);
-        if rival.rms <= bound
-            && rival.undetermined.len() == best.undetermined.len()
+        if variance(&rival) <= bound
+            && missing(&rival) == missing(&best)
             && known.into_iter().all(|other| !same(&rival.map, &other.map))
         {
             best.alternatives.push(rival);
@@ -291,8 +279,18 @@ fn choose<T: Real>(mut found: Vec<Reconstruction<T>>) -> Result<Reconstruction<T
     Ok(best)
 }
 
-/// A rival is returned when its residuals are at most this many times those of the winner.
-const RIVAL_RMS: f64 = 3.0;
+/// Views and landmarks that a map does not reach.
+fn missing<T: Real>(found: &Reconstruction<T>) -> usize {
+    let unreached = found
+        .undetermined
+        .iter()
+        .filter(|u| u.why != Why::AtInfinity);
+    unreached.count()
+}
+
+/// A map fits about as well as another, and is a rival of it, when its cost per degree of freedom is at
+/// most this many times the other's: three times the residuals.
+const AS_GOOD: f64 = 9.0;
 
 /// Costs whose ratio is closer to 1 than this are those of one minimum.
 const SAME_COST: f64 = 1.0 - 1e-6;

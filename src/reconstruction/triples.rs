@@ -95,11 +95,28 @@ pub fn draw<T: Real>(
         }
         triples.truncate(count);
     } else {
+        // A view, a landmark that it sees, two other views that see it too.
+        let mut slot = vec![usize::MAX; problem.views()];
+        for (place, &view) in sight.views.iter().enumerate() {
+            slot[view] = place;
+        }
         for _ in 0..DRAWS * count {
-            let mut triple = [0; 3].map(|_: usize| random.random_range(0..views));
+            let seen = problem.of_view(sight.views[random.random_range(0..views)]);
+            let first = seen[random.random_range(0..seen.len())];
+            let others = problem.of_landmark(first.landmark);
+            let mut other = || {
+                let k = others[random.random_range(0..others.len())];
+                slot[problem.sightings()[k].view]
+            };
+            let mut triple = [slot[first.view], other(), other()];
             triple.sort_unstable();
             let [i, j, k] = triple;
-            if i < j && j < k && sight.common(triple) >= needed && !triples.contains(&triple) {
+            if i < j
+                && j < k
+                && k < usize::MAX
+                && sight.common(triple) >= needed
+                && !triples.contains(&triple)
+            {
                 triples.push(triple);
                 if triples.len() == count {
                     break;

@@ -3,7 +3,8 @@
 
 use crate::common::{error, problem, scene, triples};
 use bearslam::{
-    Bearing, Layout, Method, Problem, SolveOptions, Triple, resect, solve, three_view, triangulate,
+    Bearing, Error, Layout, Method, Problem, SolveOptions, Triple, resect, solve, three_view,
+    triangulate,
 };
 use nalgebra::Point2;
 use proptest::prelude::*;
@@ -134,5 +135,141 @@ fn the_scale_of_a_tensor_does_not_matter() {
             entries: [[[bad; 2]; 2]; 2],
         };
         assert!(bearslam::epipoles(&tensor).is_err());
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    let mut triples = triples(&scene(Layout::Enclosed, 3, 12, 0.1, 4));
+    triples[1][0] = Bearing::new(f64::NAN);
+    for method in [CALIBRATED, Method::Projective] {
+        let error = three_view(&triples, method).unwrap_err();
+        assert_eq!(
+            error,
+            Error::NotFinite {
+                what: "bearings",
+                index: 1
+            }
+        );
+    }
+    let good = (bearslam::pose(1.0, 0.0, 0.0), Bearing::new(0.3));
+    for bad in [f64::NAN, f64::INFINITY] {
+        let rays = [
+            good,
+            (bearslam::pose(bad, 0.0, 0.0), Bearing::new(0.5)),
+            good,
+        ];
+        assert!(matches!(
+            triangulate(rays),
+            Err(Error::NotFinite { index: 1, .. })
+        ));
+        let seen = [1.0, bad, 2.0, 3.0].map(|x| (Point2::new(x, x * x), Bearing::new(0.1 * x)));
+        assert!(matches!(
+            resect(seen),
+            Err(Error::NotFinite { index: 1, .. })
+        ));
+    }
+}
+
+#[test]
+fn headings_along_the_axes_lose_no_digits() {
+    for quarter in 0..4 {
+        let theta = 7e-9 + f64::from(quarter) * std::f64::consts::FRAC_PI_2;
+        let pose = bearslam::pose(0.3, -0.2, theta);
+        let seen = [(2.0, 1.0), (-1.0, 3.0), (1.0, -2.0), (-2.0, -1.5)].map(|(x, y)| {
+            let point = Point2::new(x, y);
+            (point, bearslam::bearing_to(&pose, &point).unwrap())
+        });
+        let found = resect(seen).unwrap().pose;
+        assert!(found.rotation.angle_to(&pose.rotation).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn reweighting_brings_headings_nearer_to_the_truth() {
+    let median = |reweights: usize| {
+        let mut errors: Vec<f64> = (0..200)
+            .map(|seed| {
+                let scene = scene(Layout::Mixed, 3, 30, 0.3, seed);
+                let found = three_view(&triples(&scene), Method::Calibrated { reweights }).unwrap();
+                let truth = scene.poses[0]
+                    .rotation
+                    .rotation_to(&scene.poses[1].rotation);
+                let error = |k: usize| found.motions[k].poses[1].rotation.angle_to(&truth).abs();
+                error(0).min(error(1))
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        errors[100]
+    };
+    let (plain, weighted) = (median(0), median(1));
+    assert!(weighted < 0.9 * plain, "{weighted} {plain}");
+}
+
+#[test]
+fn the_first_of_two_motions_is_nearly_always_the_true_one() {
+    let mut first = 0;
+    for seed in 0..200 {
+        let scene = scene(Layout::Mixed, 3, 12, 0.3, seed);
+        let found = three_view(&triples(&scene), CALIBRATED).unwrap();
+        let truth = scene.poses[0]
+            .rotation
+            .rotation_to(&scene.poses[1].rotation);
+        let [a, b] = found
+            .motions
+            .map(|m| m.poses[1].rotation.angle_to(&truth).abs());
+        first += usize::from(a <= b);
+        // The cost is the sum over all sightings at the landmarks returned.
+        let motion = &found.motions[1];
+        let mut cost = 0.0;
+        for triple in triples(&scene) {
+            let point = motion.landmark(&triple).unwrap();
+            for (pose, bearing) in motion.poses.iter().zip(&triple) {
+                let seen = bearslam::bearing_to(pose, &point).unwrap();
+                cost += 0.5 * seen.angle_to(bearing).powi(2);
+            }
+        }
+        assert!(
+            (motion.cost / cost - 1.0).abs() < 1e-9,
+            "{} {cost}",
+            motion.cost
+        );
+    }
+    assert!(first > 180, "{first}");
+}
+
+#[test]
+fn flat_triangles_of_views_are_flagged() {
+    let points = [
+        (1.0, 2.0),
+        (-2.0, 1.0),
+        (0.5, -2.0),
+        (3.0, 1.5),
+        (-1.0, -1.5),
+        (2.0, -3.0),
+        (0.0, 4.0),
+    ];
+    let found = |height: f64, noise: f64| {
+        let views = [(0.0, 0.0, 0.3), (1.0, 0.0, 1.0), (2.0, height, -0.4)];
+        let mut phase = 0.0_f64;
+        let triples: Vec<Triple<f64>> = points
+            .iter()
+            .map(|&(x, y)| {
+                views.map(|(a, b, t)| {
+                    phase += 1.3;
+                    Bearing::new(f64::atan2(y - b, x - a) - t + noise * (phase * phase).sin())
+                })
+            })
+            .collect();
+        three_view(&triples, CALIBRATED).unwrap()
+    };
+    assert!(!found(1.0, 0.0).near_collinear && !found(1.0, 0.0).flattened);
+    assert!(found(0.01, 0.0).near_collinear);
+    // One of the two signs of the noise breaks the triangle inequality.
+    let broken = [found(0.0, 0.02), found(0.0, -0.02)];
+    assert!(broken.iter().any(|found| found.flattened));
+    for found in broken.iter().filter(|found| found.flattened) {
+        assert!(found.near_collinear);
+        assert_eq!(found.motions[0].poses, found.motions[1].poses);
     }
 }
