@@ -203,3 +203,34 @@ fn wrong_input_names_argument_place_and_value() {
     assert!(Problem::dense(3, 5, &[f64::INFINITY; 15], 1.0).is_err());
     assert!(Problem::dense(3, 5, &[0.0; 15], -1.0).is_err());
 }
+
+#[test]
+fn a_view_on_the_circle_of_its_landmarks_shows_in_the_uncertainty() {
+    // Poses are eliminated here; what is left of them must be looked at as well.
+    let points: Vec<Point2<f64>> = room().into_iter().take(6).collect();
+    let mut poses: Vec<Pose<f64>> = (0..8)
+        .map(|k| pose(0.6 * f64::from(k), (1.7 * f64::from(k)).sin(), f64::from(k)))
+        .collect();
+    let circle = |points: &[Point2<f64>]| {
+        let (a, b, c) = (points[0], points[1], points[2]);
+        let m = nalgebra::Matrix2::new(b.x - a.x, b.y - a.y, c.x - a.x, c.y - a.y) * 2.0;
+        let square = |p: Point2<f64>| p.coords.norm_squared();
+        let right = nalgebra::Vector2::new(square(b) - square(a), square(c) - square(a));
+        let centre = m.try_inverse().unwrap() * right;
+        (centre, (a.coords - centre).norm())
+    };
+    let (centre, radius) = circle(&points);
+    for on_circle in [true, false] {
+        let place = centre
+            + nalgebra::Vector2::new(0.6, -0.8) * (radius * if on_circle { 1.0 } else { 0.5 });
+        poses.truncate(8);
+        poses.push(pose(place.x, place.y, 0.4));
+        let mut table = bearings(&poses, &points, 0.005);
+        for j in 3..6 {
+            table[8 * 6 + j] = f64::NAN;
+        }
+        let problem = Problem::dense(9, 6, &table, 1.0).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        assert_eq!(found.uncertainty > 0.2, on_circle, "{}", found.uncertainty);
+    }
+}
