@@ -51,7 +51,7 @@ TUNING = {
 }
 """Options of `solve` that are options of the command as well: placeholder and help."""
 
-DOUBTFUL = 0.5
+DOUBTFUL = 0.2
 """Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
 
 

@@ -67,14 +67,15 @@ class Reconstruction:
         Root mean square of the residuals [rad].
     sensitivity : float
         Predicted standard deviation of the map, as a share of its size, in the direction that the bearings hold least,
-        for residuals of one standard deviation. NaN where it was not computed: only `solve` does, for the best map.
+        for residuals of one standard deviation. NaN where it was not computed: for alternatives and by `initialize`.
     uncertainty : float
-        The same for residuals as large as they are. Near and above 1 the bearings do not determine the map, however
-        well it explains them. NaN without degrees of freedom to judge the noise by, too.
+        The same for residuals as large as they are. Above 0.2 be careful, near and above 1 the bearings do not
+        determine the map, however well it explains them. It is computed at the map: where noise has been taken for
+        parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to judge the noise by.
     converged : bool
         Whether the refinement ended in a minimum. False where there was no refinement.
     termination : str
-        Why the refinement ended: "converged" (the last step lowered the cost by less than the tolerance),
+        Why the refinement ended: "converged" (a further step would lower the cost by less than the tolerance),
         "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations", "singular";
         "not_refined" where there was none.
     iterations : int

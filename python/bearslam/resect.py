@@ -16,8 +16,8 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
     """Pose of one view of known landmarks, linearly.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
-    bearing, by the smallest singular vector, scaled so that c^2 + s^2 = 1: [[c, -s], [s, c]] and (t1, t2) take the map
-    into the frame of the view.
+    bearing, with c^2 + s^2 = 1 and each row divided by the range: [[c, -s], [s, c]] and (t1, t2) take the map into the
+    frame of the view.
 
     Parameters
     ----------

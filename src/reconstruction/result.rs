@@ -30,8 +30,10 @@ pub struct Reconstruction<T: Real> {
     /// least, for residuals of one sigma; NaN when it was not computed.
     pub sensitivity: f64,
     /// The same for residuals as large as they are: [`Reconstruction::sensitivity`] times the root of
-    /// twice the cost per degree of freedom. Near and above 1 the bearings do not determine the map.
-    /// NaN when there are no degrees of freedom to judge the noise by.
+    /// twice the cost per degree of freedom. Above 0.2 be careful; near and above 1 the bearings do not
+    /// determine the map. It is computed at the map: where noise has been taken for parallax, as with
+    /// landmarks along a wall, it is too small. NaN when there are no degrees of freedom to judge the
+    /// noise by.
     pub uncertainty: f64,
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
