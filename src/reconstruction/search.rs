@@ -38,6 +38,19 @@ pub fn search<T: Real>(
             got: problem.views(),
         });
     }
+    for (what, got) in [
+        ("triples of the search", search.triples),
+        ("grown triples of the search", search.grown),
+        ("candidates of the search", search.candidates),
+    ] {
+        if got == 0 {
+            return Err(Error::TooFew {
+                what,
+                needed: 1,
+                got,
+            });
+        }
+    }
     let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
     let mut failure = None;
     let mut seeds = Vec::with_capacity(drawn.len());

@@ -336,3 +336,28 @@ fn gaps_in_the_indices_change_nothing() {
         }
     );
 }
+
+#[test]
+fn an_empty_search_is_an_error_that_says_so() {
+    let scene = scene(Layout::Mixed, 4, 9, 0.5, 1);
+    let full = Search::default();
+    for (search, what) in [
+        (Search { triples: 0, ..full }, "triples of the search"),
+        (Search { grown: 0, ..full }, "grown triples of the search"),
+        (
+            Search {
+                candidates: 0,
+                ..full
+            },
+            "candidates of the search",
+        ),
+    ] {
+        let options = SolveOptions {
+            strategy: Strategy::Search(search),
+            ..SolveOptions::default()
+        };
+        let error = solve(&problem(&scene), &options, None).unwrap_err();
+        let (needed, got) = (1, 0);
+        assert_eq!(error, Error::TooFew { what, needed, got });
+    }
+}
