@@ -3,8 +3,10 @@
 
 mod bundle;
 mod cholesky;
+mod descent;
 mod linearized;
 mod map;
+mod newton;
 mod problem;
 mod refine;
 mod schur;

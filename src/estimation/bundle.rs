@@ -6,7 +6,7 @@
 //! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
 
 use super::map::Map;
-use super::problem::Problem;
+use super::problem::{Problem, Seen};
 use crate::error::Error;
 use crate::geometry::{Pose, signed_angle};
 use crate::scalar::Real;
@@ -32,6 +32,30 @@ pub struct Row<T: Real> {
 }
 
 impl<T: Real> Row<T> {
+    /// A sighting of a landmark from a pose.
+    #[inline]
+    fn new(pose: &Pose<T>, landmark: &Point2<T>, s: &Seen<T>) -> Self {
+        let offset = landmark.coords - pose.translation.vector;
+        let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+        let along = ray.re * offset.x + ray.im * offset.y;
+        let across = ray.re * offset.y - ray.im * offset.x;
+        let square = offset.norm_squared();
+        // A landmark exactly on its view may lie in any direction, and pulls nowhere.
+        if square <= T::zero() {
+            return Self {
+                gradient: Vector2::zeros(),
+                weight: s.weight,
+                residual: T::zero(),
+            };
+        }
+        let scale = s.weight / square;
+        Self {
+            gradient: Vector2::new(-offset.y * scale, offset.x * scale),
+            weight: s.weight,
+            residual: signed_angle(along, across) * s.weight,
+        }
+    }
+
     /// Derivative with respect to the pose `(x, y, theta)`.
     #[inline]
     pub fn pose(&self) -> [T; 3] {
@@ -44,6 +68,28 @@ impl<T: Real> Row<T> {
         [self.gradient.x, self.gradient.y]
     }
 }
+
+/// What the views tell about one landmark: information (xx, xy, yy), gradient, sum of squares.
+struct Around<T: Real> {
+    information: [T; 3],
+    gradient: Vector2<T>,
+    squares: T,
+}
+
+impl<T: Real> Around<T> {
+    /// The step of Gauss-Newton; `None` where the views do not fix the landmark.
+    #[inline]
+    fn step(&self) -> Option<Vector2<T>> {
+        let [xx, xy, yy] = self.information;
+        let determinant = xx * yy - xy * xy;
+        let [x, y]: [T; 2] = self.gradient.into();
+        let step = Vector2::new(xy * y - yy * x, xy * x - xx * y) / determinant;
+        (determinant > T::zero()).then_some(step)
+    }
+}
+
+/// Steps of each landmark after a step of the whole.
+const SETTLING_STEPS: usize = 2;
 
 impl<T: Real> Bundle<T> {
     /// The determined part of a map.
@@ -112,27 +158,53 @@ impl<T: Real> Bundle<T> {
         let mut sum = T::zero();
         for (view, pose) in self.poses.iter().enumerate() {
             for s in problem.of_view(view) {
-                let offset = self.landmarks[s.landmark].coords - pose.translation.vector;
-                let ray = pose.rotation.into_inner() * s.bearing.into_inner();
-                let along = ray.re * offset.x + ray.im * offset.y;
-                let across = ray.re * offset.y - ray.im * offset.x;
-                let residual = signed_angle(along, across) * s.weight;
-                let square = offset.norm_squared();
-                // A landmark exactly on its view has no bearing and pulls nowhere.
-                let scale = if square > T::zero() {
-                    s.weight / square
-                } else {
-                    T::zero()
-                };
-                sum += residual * residual;
-                rows.push(Row {
-                    gradient: Vector2::new(-offset.y * scale, offset.x * scale),
-                    weight: s.weight,
-                    residual,
-                });
+                let row = Row::new(pose, &self.landmarks[s.landmark], s);
+                sum += row.residual * row.residual;
+                rows.push(row);
             }
         }
         sum * T::lit(0.5)
+    }
+
+    /// Moves a landmark towards its best place for the poses as they are: a step or two of Gauss-Newton,
+    /// as far as the cost falls.
+    ///
+    /// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
+    /// descent may take longer steps (variable projection).
+    pub fn settle_landmark(&mut self, problem: &Problem<T>, landmark: usize) {
+        let mut point = self.landmarks[landmark];
+        let mut at = self.around(problem, landmark, &point);
+        for _ in 0..SETTLING_STEPS {
+            let Some(step) = at.step() else { break };
+            let moved = point + step;
+            let there = self.around(problem, landmark, &moved);
+            if !(there.squares < at.squares) {
+                break;
+            }
+            (point, at) = (moved, there);
+        }
+        self.landmarks[landmark] = point;
+    }
+
+    /// What the views tell about one landmark at a place.
+    #[inline]
+    fn around(&self, problem: &Problem<T>, landmark: usize, point: &Point2<T>) -> Around<T> {
+        let mut around = Around {
+            information: [T::zero(); 3],
+            gradient: Vector2::zeros(),
+            squares: T::zero(),
+        };
+        for &k in problem.of_landmark(landmark) {
+            let s = &problem.sightings()[k];
+            let row = Row::new(&self.poses[s.view], point, s);
+            let [x, y]: [T; 2] = row.gradient.into();
+            around.information[0] += x * x;
+            around.information[1] += x * y;
+            around.information[2] += y * y;
+            around.gradient += row.gradient * row.residual;
+            around.squares += row.residual * row.residual;
+        }
+        around
     }
 
     /// Applies a step: positions are added to, headings turned.

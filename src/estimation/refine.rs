@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
-use super::bundle::Bundle;
+use super::bundle::{Bundle, Row};
+use super::descent::{Descent, Rest, System};
 use super::linearized::{Linearized, gauge, keeps_landmarks};
 use super::map::{Map, Undetermined};
+use super::newton;
 use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
@@ -144,11 +146,18 @@ pub fn refine_map<T: Real>(
     };
     let unit = bundle.unit()?;
     bundle.scale(T::one() / unit);
-    let (cost, termination, iterations) = if keeps_landmarks(active) {
-        minimize::<T, 3, 2>(&mut bundle, active, options, watch)?
+    let mut descent = Descent::new(active, options, watch, bundle)?;
+    let termination = if keeps_landmarks(active) {
+        minimize::<T, 3, 2>(&mut descent)?
     } else {
-        minimize::<T, 2, 3>(&mut bundle, active, options, watch)?
+        minimize::<T, 2, 3>(&mut descent)?
     };
+    let Descent {
+        mut bundle,
+        cost,
+        iterations,
+        ..
+    } = descent;
     bundle.scale(unit);
     bundle.write_to(map);
     Ok(Report {
@@ -157,6 +166,84 @@ pub fn refine_map<T: Real>(
         iterations,
         undetermined,
     })
+}
+
+/// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept; small problems
+/// that do not converge soon go on with Newton's method.
+fn minimize<T: Real, const E: usize, const K: usize>(
+    descent: &mut Descent<'_, '_, T>,
+) -> Result<Termination, Error>
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
+{
+    let problem = descent.problem;
+    let kept = Linearized { problem, rows: &[] }.kept();
+    if K * kept > MAX_DENSE {
+        return Err(Error::TooLarge {
+            what: "unknowns of the reduced system",
+            bound: MAX_DENSE,
+            got: K * kept,
+        });
+    }
+    let mut reduced = Reduced {
+        problem,
+        schur: Schur::new(),
+        step: (Vec::new(), Vec::new()),
+    };
+    let limit = descent.options.max_iterations;
+    let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
+    let newton = small && descent.options.damping > T::zero();
+    let first = if newton { limit.min(SOON) } else { limit };
+    match descent.run(&mut reduced, first)? {
+        Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
+        Rest::Ended(termination) => Ok(termination),
+        Rest::Paused => Ok(Termination::NoProgress),
+    }
+}
+
+/// Iterations after which Gauss-Newton counts as slow.
+const SOON: usize = 8;
+
+/// The normal equations of Gauss-Newton, reduced.
+struct Reduced<'a, T: Real, const E: usize, const K: usize> {
+    problem: &'a Problem<T>,
+    schur: Schur<T, E, K>,
+    /// Blocks that stay and blocks that went.
+    step: (Vec<SVector<T, K>>, Vec<SVector<T, E>>),
+}
+
+impl<T: Real, const E: usize, const K: usize> System<T> for Reduced<'_, T, E, K>
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
+{
+    fn step(
+        &mut self,
+        bundle: &Bundle<T>,
+        rows: &[Row<T>],
+        damping: T,
+        result: &mut Bundle<T>,
+    ) -> Option<T> {
+        let linearized = Linearized {
+            problem: self.problem,
+            rows,
+        };
+        if !self
+            .schur
+            .factorize(&linearized, damping, &gauge::<T, K>(bundle))
+        {
+            return None;
+        }
+        let cost = rows
+            .iter()
+            .fold(T::zero(), |sum, row| sum + row.residual * row.residual)
+            * T::lit(0.5);
+        let (kept, gone) = &mut self.step;
+        let left = self.schur.solve(&linearized, kept, gone);
+        self.step.apply(bundle, result);
+        Some(cost - left)
+    }
 }
 
 /// A step, as blocks that stay and blocks that went.
@@ -176,122 +263,3 @@ impl<T: Real> Step<T> for (Vec<Vector3<T>>, Vec<Vector2<T>>) {
         bundle.step(&self.0, &self.1, result);
     }
 }
-
-/// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept.
-///
-/// Returns cost, termination and the number of linear systems solved.
-fn minimize<T: Real, const E: usize, const K: usize>(
-    bundle: &mut Bundle<T>,
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut watch: Option<Watch<'_>>,
-) -> Result<(T, Termination, usize), Error>
-where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
-{
-    if K * kept::<T, E, K>(problem) > MAX_DENSE {
-        return Err(Error::TooLarge {
-            what: "unknowns of the reduced system",
-            bound: MAX_DENSE,
-            got: K * kept::<T, E, K>(problem),
-        });
-    }
-    let mut rows = Vec::with_capacity(problem.sightings().len());
-    let mut trial_rows = Vec::with_capacity(problem.sightings().len());
-    let mut trial = bundle.clone();
-    let mut schur = Schur::<T, E, K>::new();
-    let mut step = (Vec::new(), Vec::new());
-    let mut cost = bundle.linearize(problem, &mut rows);
-    if !cost.is_finite() {
-        return Err(Error::NotFinite {
-            what: "residuals of the start",
-            index: rows
-                .iter()
-                .position(|row| !row.residual.is_finite())
-                .unwrap_or(0),
-        });
-    }
-    let rounding = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
-    let zero = rows.iter().fold(T::zero(), |sum, row| {
-        sum + (row.weight * rounding) * (row.weight * rounding)
-    }) * T::lit(0.5);
-    let mut damping = options.damping;
-    let mut iterations = 0;
-    let mut last_gain = T::zero();
-    loop {
-        if cost <= zero {
-            return Ok((cost, Termination::ZeroResidual, iterations));
-        }
-        if iterations == options.max_iterations {
-            return Ok((cost, Termination::MaxIterations, iterations));
-        }
-        if let Some(watch) = &mut watch
-            && !watch(iterations, cost.as_f64())
-        {
-            return Err(Error::Interrupted);
-        }
-        iterations += 1;
-        let linearized = Linearized {
-            problem,
-            rows: &rows,
-        };
-        let mut lower = None;
-        if schur.factorize(&linearized, damping, &gauge::<T, K>(bundle)) {
-            let predicted = cost - schur.solve(&linearized, &mut step.0, &mut step.1);
-            step.apply(bundle, &mut trial);
-            let trial_cost = trial.linearize(problem, &mut trial_rows);
-            if trial_cost < cost {
-                lower = Some((cost - trial_cost, predicted));
-                cost = trial_cost;
-                core::mem::swap(bundle, &mut trial);
-                core::mem::swap(&mut rows, &mut trial_rows);
-            } else if predicted <= options.tolerance * cost {
-                return Ok((cost, Termination::Converged, iterations));
-            }
-        } else if damping <= T::zero() {
-            return Ok((cost, Termination::Singular, iterations));
-        }
-        if let Some((gained, predicted)) = lower {
-            // Near the minimum each gain is a small, shrinking part of the one before: what is left
-            // to gain is at most the next one.
-            let rate = gained / last_gain;
-            let left = if rate < T::lit(CONVERGING) {
-                gained * rate
-            } else {
-                gained
-            };
-            if left <= options.tolerance * cost {
-                return Ok((cost, Termination::Converged, iterations));
-            }
-            last_gain = gained;
-            let ratio = gained / predicted;
-            if ratio > T::lit(0.75) {
-                damping *= T::lit(0.1);
-            } else if ratio < T::lit(0.25) {
-                damping *= T::lit(4.0);
-            }
-        } else {
-            if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
-                return Ok((cost, Termination::NoProgress, iterations));
-            }
-            damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
-        }
-    }
-}
-
-fn kept<T: Real, const E: usize, const K: usize>(problem: &Problem<T>) -> usize
-where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-{
-    Linearized { problem, rows: &[] }.kept()
-}
-
-/// Ratio of successive gains below which the next one is foreseen.
-const CONVERGING: f64 = 0.05;
-
-/// Damping beyond which a step is too small to be one.
-const MAX_DAMPING: f64 = 1e8;
-
-/// Residuals of this many units of rounding are zero.
-const ZERO_RESIDUAL_EPS: f64 = 8.0;

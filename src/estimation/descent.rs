@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Levenberg-Marquardt: damping, acceptance and the end of the descent, whatever system gives the steps.
+
+use super::bundle::{Bundle, Row};
+use super::problem::Problem;
+use super::refine::{RefineOptions, Termination, Watch};
+use crate::error::Error;
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// What proposes steps.
+pub trait System<T: Real> {
+    /// Solves for the step at a damping and writes the bundle after it into `result`.
+    ///
+    /// Returns by how much the model of the system expects the cost to fall; `None` when it is not
+    /// positive definite.
+    fn step(
+        &mut self,
+        bundle: &Bundle<T>,
+        rows: &[Row<T>],
+        damping: T,
+        result: &mut Bundle<T>,
+    ) -> Option<T>;
+
+    /// Whether a landmark may be put onto its rays after a step.
+    fn settles(&self, _landmark: usize) -> bool {
+        true
+    }
+
+    /// Whether the descent is to pause here, for a change of the system.
+    fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &[Row<T>], _cost: T) -> bool {
+        false
+    }
+}
+
+/// Why a descent came to rest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rest {
+    /// It is over.
+    Ended(Termination),
+    /// The system has asked for a pause.
+    Paused,
+}
+
+/// A bundle on its way to the minimum.
+pub struct Descent<'a, 'w, T: Real> {
+    pub problem: &'a Problem<T>,
+    pub options: &'a RefineOptions<T>,
+    pub bundle: Bundle<T>,
+    /// The bundle linearised.
+    pub rows: Vec<Row<T>>,
+    pub cost: T,
+    /// Linear systems solved.
+    pub iterations: usize,
+    watch: Option<Watch<'w>>,
+    trial: Bundle<T>,
+    trial_rows: Vec<Row<T>>,
+}
+
+impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
+    /// # Errors
+    /// [`Error::NotFinite`] when a residual of the start is not finite.
+    pub fn new(
+        problem: &'a Problem<T>,
+        options: &'a RefineOptions<T>,
+        watch: Option<Watch<'w>>,
+        bundle: Bundle<T>,
+    ) -> Result<Self, Error> {
+        let mut rows = Vec::with_capacity(problem.sightings().len());
+        let cost = bundle.linearize(problem, &mut rows);
+        if !cost.is_finite() {
+            return Err(Error::NotFinite {
+                what: "residuals of the start",
+                index: rows
+                    .iter()
+                    .position(|row| !row.residual.is_finite())
+                    .unwrap_or(0),
+            });
+        }
+        Ok(Self {
+            problem,
+            options,
+            watch,
+            trial: bundle.clone(),
+            bundle,
+            trial_rows: Vec::with_capacity(rows.len()),
+            rows,
+            cost,
+            iterations: 0,
+        })
+    }
+
+    /// Takes note that the bundle has been moved by other means.
+    pub fn relinearize(&mut self) {
+        self.cost = self.bundle.linearize(self.problem, &mut self.rows);
+    }
+
+    /// Descends until it ends, the system asks for a pause, or the iterations in all reach `limit`.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when the watch says so.
+    pub fn run(&mut self, system: &mut impl System<T>, limit: usize) -> Result<Rest, Error> {
+        let zero = self.rounding();
+        let tolerance = self.options.tolerance;
+        let mut damping = self.options.damping;
+        let mut last_gain = T::zero();
+        loop {
+            if self.cost <= zero {
+                return Ok(Rest::Ended(Termination::ZeroResidual));
+            }
+            if self.iterations == limit {
+                return Ok(Rest::Ended(Termination::MaxIterations));
+            }
+            if let Some(watch) = &mut self.watch
+                && !watch(self.iterations, self.cost.as_f64())
+            {
+                return Err(Error::Interrupted);
+            }
+            self.iterations += 1;
+            let mut lower = None;
+            let predicted = system.step(&self.bundle, &self.rows, damping, &mut self.trial);
+            if let Some(predicted) = predicted {
+                for landmark in 0..self.trial.landmarks.len() {
+                    if system.settles(landmark) {
+                        self.trial.settle_landmark(self.problem, landmark);
+                    }
+                }
+                let cost = self.trial.linearize(self.problem, &mut self.trial_rows);
+                if cost < self.cost {
+                    lower = Some((self.cost - cost, predicted));
+                    self.cost = cost;
+                    core::mem::swap(&mut self.bundle, &mut self.trial);
+                    core::mem::swap(&mut self.rows, &mut self.trial_rows);
+                } else if predicted <= tolerance * self.cost {
+                    return Ok(Rest::Ended(Termination::Converged));
+                }
+            } else if damping <= T::zero() {
+                return Ok(Rest::Ended(Termination::Singular));
+            }
+            if let Some((gained, predicted)) = lower {
+                // Near the minimum each gain is a small, shrinking part of the one before: what is
+                // left to gain is at most the next one.
+                let rate = gained / last_gain;
+                let left = if rate < T::lit(CONVERGING) {
+                    gained * rate
+                } else {
+                    gained
+                };
+                if left <= tolerance * self.cost {
+                    return Ok(Rest::Ended(Termination::Converged));
+                }
+                if system.pauses(&self.bundle, &self.rows, self.cost) {
+                    return Ok(Rest::Paused);
+                }
+                last_gain = gained;
+                let ratio = gained / predicted;
+                if ratio > T::lit(0.75) {
+                    damping *= T::lit(0.1);
+                } else if ratio < T::lit(0.25) {
+                    damping *= T::lit(4.0);
+                }
+            } else {
+                if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
+                    return Ok(Rest::Ended(Termination::NoProgress));
+                }
+                damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
+            }
+        }
+    }
+
+    /// The cost of residuals that are rounding.
+    fn rounding(&self) -> T {
+        let rounding = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
+        let squares = self.rows.iter().fold(T::zero(), |sum, row| {
+            sum + (row.weight * rounding) * (row.weight * rounding)
+        });
+        squares * T::lit(0.5)
+    }
+}
+
+/// Ratio of successive gains below which the next one is foreseen.
+const CONVERGING: f64 = 0.05;
+
+/// Damping beyond which a step is too small to be one.
+const MAX_DAMPING: f64 = 1e8;
+
+/// Residuals of this many units of rounding are zero.
+const ZERO_RESIDUAL_EPS: f64 = 8.0;

@@ -1,0 +1,453 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Newton's method on the full problem, for descents that Gauss-Newton finds hard.
+//!
+//! Where the bearings hardly hold a direction of the map, the curvature that Gauss-Newton leaves out
+//! decides, and it crawls. And the least squares of bearings need not have a minimum at all: the cost
+//! may fall towards an infimum that no map attains, as a landmark slides onto a view and that one
+//! bearing is explained for free, or as a landmark goes to infinity. On these two edges of the space of
+//! maps there is a smaller problem with a minimum of its own, (T22) and (T23): it is tried, and kept
+//! when it is lower and the cost rises from it inwards.
+
+use super::bundle::{Bundle, Row};
+use super::cholesky;
+use super::descent::{Descent, Rest, System};
+use super::linearized::{centroid, spread};
+use super::problem::Problem;
+use super::refine::Termination;
+use crate::error::Error;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{Point2, UnitComplex, Vector2, Vector3};
+
+/// Most parameters for which the full matrix is formed.
+pub const MAX_FULL: usize = 512;
+
+/// A landmark is tried on a view when it is nearer to it than this part of the distance to any other.
+const TOUCHING: f64 = 0.05;
+
+/// A landmark is tried at infinity when it is this much farther from the middle of the views than they.
+const FAR: f64 = 20.0;
+
+/// An edge that was not lower is tried again when the landmark is this part nearer to it.
+const CLOSER: f64 = 0.1;
+
+/// Iterations within which an edge must come out lower.
+const ATTEMPT: usize = 10;
+
+/// Ends a descent by Newton's method, on the edges of the space of maps where that is lower.
+///
+/// # Errors
+/// As [`Descent::run`].
+pub fn finish<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, Error> {
+    let limit = descent.options.max_iterations;
+    let mut newton = Newton::new(descent.problem);
+    loop {
+        let attempt = match newton.edges.last() {
+            Some(edge) if descent.cost >= edge.cost => limit.min(descent.iterations + ATTEMPT),
+            _ => limit,
+        };
+        let rest = descent.run(&mut newton, attempt)?;
+        let termination = match rest {
+            Rest::Paused => {
+                if let Some((place, distance)) = newton.next.take() {
+                    newton.enter(place, distance, descent);
+                }
+                continue;
+            }
+            Rest::Ended(termination) => termination,
+        };
+        if let Some(wrong) = newton.wrong_edge(descent) {
+            newton.leave(wrong, descent);
+        } else if termination != Termination::MaxIterations || descent.iterations == limit {
+            newton.step_inside(descent);
+            return Ok(termination);
+        }
+        if descent.iterations == limit {
+            return Ok(Termination::MaxIterations);
+        }
+    }
+}
+
+/// Where a landmark may leave the plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// On the view of a sighting, by index.
+    View(usize),
+    /// At infinity.
+    Infinity(usize),
+}
+
+/// An edge that is tried or kept.
+struct Edge<T: Real> {
+    place: Place,
+    /// How far off the landmark was, and the bundle and its cost then.
+    distance: T,
+    bundle: Bundle<T>,
+    cost: T,
+}
+
+/// Where the parameters of a landmark begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Column {
+    /// Two coordinates of its own.
+    Point(usize),
+    /// Those of the view on which it stands.
+    View(usize),
+    /// A direction.
+    Direction(usize),
+}
+
+/// The second-order model of the cost in all parameters.
+struct Newton<'a, T: Real> {
+    problem: &'a Problem<T>,
+    edges: Vec<Edge<T>>,
+    /// Edges that were not lower, and how far off the landmark was.
+    refused: Vec<(Place, T)>,
+    /// The edge to be tried next.
+    next: Option<(Place, T)>,
+    columns: Vec<Column>,
+    /// Lower triangles, row by row: of Gauss-Newton, of Newton, and the factor.
+    normal: Vec<T>,
+    curved: Vec<T>,
+    factor: Vec<T>,
+    gradient: Vec<T>,
+    delta: Vec<T>,
+}
+
+impl<'a, T: Real> Newton<'a, T> {
+    fn new(problem: &'a Problem<T>) -> Self {
+        let mut newton = Self {
+            problem,
+            edges: Vec::new(),
+            refused: Vec::new(),
+            next: None,
+            columns: Vec::new(),
+            normal: Vec::new(),
+            curved: Vec::new(),
+            factor: Vec::new(),
+            gradient: Vec::new(),
+            delta: Vec::new(),
+        };
+        newton.number();
+        newton
+    }
+
+    /// Gives every landmark its parameters.
+    fn number(&mut self) {
+        let mut count = 3 * self.problem.views();
+        self.columns.clear();
+        for landmark in 0..self.problem.landmarks() {
+            let edge = self
+                .edges
+                .iter()
+                .find(|edge| self.landmark(edge.place) == landmark);
+            let (column, width) = match edge.map(|edge| edge.place) {
+                Some(Place::View(k)) => (Column::View(3 * self.problem.sightings()[k].view), 0),
+                Some(Place::Infinity(_)) => (Column::Direction(count), 1),
+                None => (Column::Point(count), 2),
+            };
+            self.columns.push(column);
+            count += width;
+        }
+        self.gradient.clear();
+        self.gradient.resize(count, T::zero());
+    }
+
+    fn landmark(&self, place: Place) -> usize {
+        match place {
+            Place::View(k) => self.problem.sightings()[k].landmark,
+            Place::Infinity(landmark) => landmark,
+        }
+    }
+
+    /// Puts a landmark on an edge.
+    fn enter(&mut self, place: Place, distance: T, descent: &mut Descent<'_, '_, T>) {
+        let mut bundle = descent.bundle.clone();
+        match place {
+            Place::View(k) => {
+                let s = &self.problem.sightings()[k];
+                bundle.landmarks[s.landmark] = bundle.poses[s.view].translation.vector.into();
+            }
+            Place::Infinity(landmark) => {
+                let (middle, _) = middle(&bundle);
+                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
+                // As far as leaves half of the digits to tell directions.
+                let range = T::lit(0.1) / T::eps().sqrt();
+                bundle.landmarks[landmark] = Point2::from(middle + direction * range);
+            }
+        }
+        let before = core::mem::replace(&mut descent.bundle, bundle);
+        self.edges.push(Edge {
+            place,
+            distance,
+            bundle: before,
+            cost: descent.cost,
+        });
+        self.number();
+        descent.relinearize();
+    }
+
+    /// Goes back to where an edge was entered, and does not try it again soon.
+    fn leave(&mut self, wrong: usize, descent: &mut Descent<'_, '_, T>) {
+        if let Some(edge) = self.edges.drain(wrong..).next() {
+            self.refused.retain(|(place, _)| *place != edge.place);
+            self.refused.push((edge.place, edge.distance));
+            descent.bundle = edge.bundle;
+            descent.relinearize();
+        }
+        self.number();
+    }
+
+    /// The edge, if any, that is not lower than the inside, or from which the cost falls inwards.
+    fn wrong_edge(&self, descent: &Descent<'_, '_, T>) -> Option<usize> {
+        if let Some(last) = self.edges.last()
+            && descent.cost >= last.cost
+        {
+            return Some(self.edges.len() - 1);
+        }
+        self.edges
+            .iter()
+            .position(|edge| self.falls_inwards(edge.place, descent))
+    }
+
+    fn falls_inwards(&self, place: Place, descent: &Descent<'_, '_, T>) -> bool {
+        let bundle = &descent.bundle;
+        let landmark = self.landmark(place);
+        let seen = self.problem.of_landmark(landmark).iter();
+        let slope = match place {
+            Place::View(k) => {
+                let ray = self.ray(bundle, k);
+                seen.map(|&k| &descent.rows[k])
+                    .fold(T::zero(), |sum, row| sum + row.gradient.dot(&ray) * row.residual)
+            }
+            Place::Infinity(_) => {
+                let (middle, _) = middle(bundle);
+                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
+                seen.fold(T::zero(), |sum, &k| {
+                    let view = self.problem.sightings()[k].view;
+                    let row = &descent.rows[k];
+                    let offset = middle - bundle.poses[view].translation.vector;
+                    sum + direction.perp(&offset) * row.weight * row.residual
+                })
+            }
+        };
+        slope < T::zero()
+    }
+
+    /// Direction of a measured bearing in the map.
+    fn ray(&self, bundle: &Bundle<T>, sighting: usize) -> Vector2<T> {
+        let s = &self.problem.sightings()[sighting];
+        let ray = bundle.poses[s.view].rotation.into_inner() * s.bearing.into_inner();
+        Vector2::new(ray.re, ray.im)
+    }
+
+    /// Moves each landmark that stands on a view off it by next to nothing, at its measured bearing.
+    fn step_inside(&self, descent: &mut Descent<'_, '_, T>) {
+        for edge in &self.edges {
+            if let Place::View(k) = edge.place {
+                let step = self.ray(&descent.bundle, k) * (T::eps().sqrt() * T::lit(0.1));
+                descent.bundle.landmarks[self.landmark(edge.place)] += step;
+            }
+        }
+        if !self.edges.is_empty() {
+            descent.relinearize();
+        }
+    }
+
+    /// Forms the matrices and the gradient.
+    fn assemble(&mut self, bundle: &Bundle<T>, rows: &[Row<T>]) {
+        let size = self.gradient.len();
+        for matrix in [&mut self.normal, &mut self.curved] {
+            matrix.clear();
+            matrix.resize(size * size, T::zero());
+        }
+        self.gradient.fill(T::zero());
+        for (s, row) in self.problem.sightings().iter().zip(rows) {
+            let p = 3 * s.view;
+            let [gx, gy]: [T; 2] = row.gradient.into();
+            // Second derivatives by the landmark; by the position the same, by both the negative.
+            let bend = row.residual / row.weight;
+            let cross = bend * T::lit(-2.0) * gx * gy;
+            let square = bend * (gx * gx - gy * gy);
+            let (x, last, width) = match self.columns[s.landmark] {
+                Column::View(place) if place == p => continue,
+                Column::View(place) | Column::Point(place) => (place, [gx, gy], 5),
+                Column::Direction(place) => (place, [row.weight, T::zero()], 4),
+            };
+            let places = [p, p + 1, p + 2, x, x + 1];
+            let derivative = [-gx, -gy, -row.weight, last[0], last[1]];
+            for i in 0..width {
+                self.gradient[places[i]] += derivative[i] * row.residual;
+                for j in 0..width {
+                    if places[j] <= places[i] {
+                        let place = places[i] * size + places[j];
+                        self.normal[place] += derivative[i] * derivative[j];
+                        if i != 2 && j != 2 && width == 5 {
+                            let entry = match (i % 3, j % 3) {
+                                (0, 0) => cross,
+                                (1, 1) => -cross,
+                                _ => square,
+                            };
+                            let same = (i < 3) == (j < 3);
+                            self.curved[place] += if same { entry } else { -entry };
+                        }
+                    }
+                }
+            }
+        }
+        let trace = (0..size).fold(T::zero(), |sum, k| sum + self.normal[k * size + k]);
+        for direction in self.gauge(bundle) {
+            let square = direction.iter().fold(T::zero(), |sum, d| sum + *d * *d);
+            let stiffness = trace / (T::lit(size as f64) * square);
+            for i in 0..size {
+                for j in 0..=i {
+                    self.normal[i * size + j] += direction[i] * direction[j] * stiffness;
+                }
+            }
+        }
+        for (curved, normal) in self.curved.iter_mut().zip(&self.normal) {
+            *curved += *normal;
+        }
+    }
+
+    /// Translations, rotation and scaling of all that is free.
+    fn gauge(&self, bundle: &Bundle<T>) -> [Vec<T>; 4] {
+        let mut directions = [(); 4].map(|()| vec![T::zero(); self.gradient.len()]);
+        let mut add = |place: usize, position: &Vector2<T>| {
+            directions[0][place] = T::one();
+            directions[1][place + 1] = T::one();
+            directions[2][place] = -position.y;
+            directions[2][place + 1] = position.x;
+            directions[3][place] = position.x;
+            directions[3][place + 1] = position.y;
+        };
+        for (view, pose) in bundle.poses.iter().enumerate() {
+            add(3 * view, &pose.translation.vector);
+        }
+        for (column, point) in self.columns.iter().zip(&bundle.landmarks) {
+            if let Column::Point(place) = *column {
+                add(place, &point.coords);
+            }
+        }
+        for view in 0..bundle.poses.len() {
+            directions[2][3 * view + 2] = T::one();
+        }
+        for column in &self.columns {
+            if let Column::Direction(place) = *column {
+                directions[2][place] = T::one();
+            }
+        }
+        directions
+    }
+
+    /// Solves with one of the matrices, damped; the fall of the cost that it predicts.
+    fn solve(&mut self, damping: T, curved: bool) -> Option<T> {
+        let size = self.gradient.len();
+        let matrix = if curved { &self.curved } else { &self.normal };
+        self.factor.clone_from(matrix);
+        for k in 0..size {
+            self.factor[k * size + k] += damping * self.normal[k * size + k];
+        }
+        if !cholesky::factorize(&mut self.factor, size) {
+            return None;
+        }
+        self.delta.clear();
+        self.delta.extend(self.gradient.iter().map(|g| -*g));
+        cholesky::solve(&self.factor, &mut self.delta);
+        let mut predicted = T::zero();
+        for (k, (&d, &g)) in self.delta.iter().zip(&self.gradient).enumerate() {
+            predicted += d * (damping * self.normal[k * size + k] * d - g);
+        }
+        let predicted = predicted * T::lit(0.5);
+        predicted.is_finite().then_some(predicted)
+    }
+
+    /// Whether an edge may be tried from so far off.
+    fn open(&self, place: Place, distance: T) -> bool {
+        self.refused
+            .iter()
+            .find(|(other, _)| *other == place)
+            .is_none_or(|(_, then)| distance < *then * T::lit(CLOSER))
+    }
+}
+
+/// The middle of the views and their root mean square distance from it.
+fn middle<T: Real>(bundle: &Bundle<T>) -> (Vector2<T>, T) {
+    let views: Vec<_> = bundle.poses.iter().map(|p| p.translation.vector).collect();
+    let size = (spread(&views) / T::lit(views.len() as f64)).sqrt();
+    (centroid(&views), size)
+}
+
+impl<T: Real> System<T> for Newton<'_, T> {
+    fn step(
+        &mut self,
+        bundle: &Bundle<T>,
+        rows: &[Row<T>],
+        damping: T,
+        result: &mut Bundle<T>,
+    ) -> Option<T> {
+        self.assemble(bundle, rows);
+        let predicted = self
+            .solve(damping, true)
+            .or_else(|| self.solve(damping, false))?;
+        let delta = &self.delta;
+        let pair = |place: usize| Vector2::new(delta[place], delta[place + 1]);
+        let poses: Vec<_> = (0..bundle.poses.len())
+            .map(|view| Vector3::from_column_slice(&delta[3 * view..3 * view + 3]))
+            .collect();
+        let landmarks: Vec<_> = self
+            .columns
+            .iter()
+            .zip(&bundle.landmarks)
+            .map(|(column, point)| match *column {
+                Column::Point(place) | Column::View(place) => pair(place),
+                Column::Direction(place) => {
+                    UnitComplex::new(delta[place]) * point.coords - point.coords
+                }
+            })
+            .collect();
+        bundle.step(&poses, &landmarks, result);
+        Some(predicted)
+    }
+
+    fn settles(&self, landmark: usize) -> bool {
+        matches!(self.columns[landmark], Column::Point(_))
+    }
+
+    fn pauses(&mut self, bundle: &Bundle<T>, rows: &[Row<T>], cost: T) -> bool {
+        if self.edges.last().is_some_and(|edge| cost >= edge.cost) {
+            return false;
+        }
+        let (middle, size) = middle(bundle);
+        let range = |k: usize| rows[k].weight / rows[k].gradient.norm();
+        for landmark in (0..self.columns.len()).filter(|&landmark| self.settles(landmark)) {
+            let seen = self.problem.of_landmark(landmark);
+            let unseen = T::one() / T::zero();
+            let (mut nearest, mut next) = ((unseen, 0), unseen);
+            for &k in seen {
+                let range = range(k);
+                if range < nearest.0 {
+                    next = nearest.0;
+                    nearest = (range, k);
+                } else {
+                    next = next.min(range);
+                }
+            }
+            let distance = nearest.0 / next;
+            let place = Place::View(nearest.1);
+            if distance < T::lit(TOUCHING) && self.open(place, distance) {
+                self.next = Some((place, distance));
+                return true;
+            }
+            let away = (bundle.landmarks[landmark].coords - middle).norm();
+            let distance = size / away;
+            let place = Place::Infinity(landmark);
+            if distance < T::lit(1.0 / FAR) && self.open(place, distance) {
+                self.next = Some((place, distance));
+                return true;
+            }
+        }
+        false
+    }
+}
