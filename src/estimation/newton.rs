@@ -218,8 +218,9 @@ impl<'a, T: Real> Newton<'a, T> {
         let slope = match place {
             Place::View(k) => {
                 let ray = self.ray(bundle, k);
-                seen.map(|&k| &descent.rows[k])
-                    .fold(T::zero(), |sum, row| sum + row.gradient.dot(&ray) * row.residual)
+                seen.map(|&k| &descent.rows[k]).fold(T::zero(), |sum, row| {
+                    sum + row.gradient.dot(&ray) * row.residual
+                })
             }
             Place::Infinity(_) => {
                 let (middle, _) = middle(bundle);

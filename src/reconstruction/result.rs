@@ -18,8 +18,11 @@ pub struct Reconstruction<T: Real> {
     /// Root mean square of the residuals \[rad\].
     pub rms: T,
     /// Predicted minus measured bearing \[rad\] in (-pi, pi], in the order of the problem's input;
-    /// `None` where an end is undetermined.
+    /// `None` where an end is undetermined, unless it is a landmark at infinity.
     pub residuals: Vec<Option<T>>,
+    /// Degrees of freedom: sightings between what is determined, less parameters, but for the four of
+    /// the gauge.
+    pub freedom: usize,
     /// How the refinement ended.
     pub termination: Termination,
     /// Linear systems that the refinement solved.
@@ -54,10 +57,11 @@ impl<T: Real> Reconstruction<T> {
             }
         }
         Self {
-            map,
             cost: report.cost,
             rms: (squares / count.max(T::one())).sqrt(),
+            freedom: freedom(&map, &residuals),
             residuals,
+            map,
             termination: report.termination,
             iterations: report.iterations,
             undetermined: report.undetermined,
@@ -66,4 +70,11 @@ impl<T: Real> Reconstruction<T> {
             alternatives: Vec::new(),
         }
     }
+}
+
+/// Sightings less parameters.
+fn freedom<T: Real>(map: &Map<T>, residuals: &[Option<T>]) -> usize {
+    let views = map.poses.iter().flatten().count();
+    let landmarks = map.landmarks.iter().flatten().count();
+    (residuals.iter().flatten().count() + 4).saturating_sub(3 * views + 2 * landmarks)
 }

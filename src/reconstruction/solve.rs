@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From bearings to the best map: hypotheses, refinement, choice.
 
-use super::bounded::{freedom, refine_bounded};
+use super::bounded::take_out_unbounded;
 use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::result::Reconstruction;
 use super::search::{self, Hypotheses, near};
 use crate::error::Error;
 use crate::estimation::{
-    Map, Problem, RefineOptions, Report, Subject, Termination, Why, sensitivity,
+    Map, Problem, RefineOptions, Report, Subject, Termination, Why, refine_map, sensitivity,
 };
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -93,9 +93,8 @@ pub fn refine<T: Real>(
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
-    let mut report = refine_bounded(problem, &mut map, options, &mut |done, _| {
-        tell(&mut progress, "refine", done, total)
-    })?;
+    let mut watch = |done, _| tell(&mut progress, "refine", done, total);
+    let mut report = refine_map(problem, &mut map, options, Some(&mut watch))?;
     for undetermined in &mut report.undetermined {
         let without = match undetermined.subject {
             Subject::View(view) => start.poses[view].is_none(),
@@ -106,6 +105,7 @@ pub fn refine<T: Real>(
         }
     }
     let mut found = Reconstruction::new(problem, &map, report);
+    take_out_unbounded(problem, &mut found);
     assess(problem, &mut found);
     Ok(found)
 }
@@ -157,10 +157,8 @@ pub fn solve<T: Real>(
     let mut refined: Vec<Reconstruction<T>> = Vec::with_capacity(total);
     let mut failure = None;
     for (done, mut map) in maps.into_iter().take(candidates).enumerate() {
-        let report = refine_bounded(problem, &mut map, &options.refine, &mut |_, _| {
-            tell(&mut progress, "refine", done, total)
-        });
-        match report {
+        let mut watch = |_, _| tell(&mut progress, "refine", done, total);
+        match refine_map(problem, &mut map, &options.refine, Some(&mut watch)) {
             Ok(report) => {
                 let found = Reconstruction::new(problem, &map, report);
                 let confirmed = unique
@@ -180,16 +178,22 @@ pub fn solve<T: Real>(
     }
     match failure {
         Some(error) if refined.is_empty() => Err(error),
-        _ => judge(problem, choose(problem, refined)?),
+        _ => {
+            let mut best = choose(problem, refined)?;
+            take_out_unbounded(problem, &mut best);
+            for rival in &mut best.alternatives {
+                take_out_unbounded(problem, rival);
+            }
+            judge(problem, best)
+        }
     }
 }
 
 /// Fills in sensitivity and uncertainty.
 fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
     found.sensitivity = sensitivity(problem, &found.map);
-    let freedom = freedom(problem, &found.map);
-    if freedom > 0 {
-        let variance = T::lit(2.0) * found.cost / T::lit(freedom as f64);
+    if found.freedom > 0 {
+        let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);
         found.uncertainty = found.sensitivity * variance.sqrt().as_f64();
     }
 }
@@ -245,9 +249,7 @@ fn choose<T: Real>(
     mut found: Vec<Reconstruction<T>>,
 ) -> Result<Reconstruction<T>, Error> {
     // Per degree of freedom, for maps need not explain the same sightings.
-    let variance = |found: &Reconstruction<T>| {
-        found.cost.as_f64() / freedom(problem, &found.map).max(1) as f64
-    };
+    let variance = |found: &Reconstruction<T>| found.cost.as_f64() / found.freedom.max(1) as f64;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let tiny = (T::eps() * T::lit(mean_weight(problem) * mean_weight(problem))).as_f64();
     // Of those that fit about as well as the best, the one that reaches most.
@@ -281,11 +283,7 @@ fn choose<T: Real>(
 
 /// Views and landmarks that a map does not reach.
 fn missing<T: Real>(found: &Reconstruction<T>) -> usize {
-    let unreached = found
-        .undetermined
-        .iter()
-        .filter(|u| u.why != Why::AtInfinity);
-    unreached.count()
+    found.undetermined.len()
 }
 
 /// A map fits about as well as another, and is a rival of it, when its cost per degree of freedom is at
