@@ -86,6 +86,8 @@ pub enum Error {
     },
     /// The caller asked to stop.
     Interrupted,
+    /// The system gives no threads.
+    Threads,
 }
 
 impl fmt::Display for Error {
@@ -145,6 +147,7 @@ impl fmt::Display for Error {
                 )
             }
             Self::Interrupted => write!(f, "interrupted by the caller"),
+            Self::Threads => write!(f, "the system gives no more threads"),
         }
     }
 }

@@ -26,6 +26,7 @@
 //! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
 //! | `batch` | many problems over all cores | `rayon` |
+//! | `sweep` | Monte-Carlo sweeps over random scenes | `rayon` |
 //! | `python` | the extension module of the Python package | `python` |
 //!
 //! # Conventions
@@ -58,6 +59,8 @@ mod reconstruction;
 mod scalar;
 #[cfg(feature = "alloc")]
 mod simulate;
+#[cfg(feature = "rayon")]
+mod sweep;
 
 #[cfg(feature = "rayon")]
 pub use batch::solve_batch;
@@ -75,7 +78,11 @@ pub use reconstruction::{
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
-pub use simulate::{Arena, Errors, Layout, Scene, simulate};
+pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
+#[cfg(feature = "rayon")]
+pub use sweep::{
+    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Outcome, Quantity, Start, Tally, Trial, sweep,
+};
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

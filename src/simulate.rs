@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Random scenes: the paper's two layouts, and a trajectory with limited sight.
 
+mod bound;
 mod errors;
 
+pub use bound::Bound;
 pub use errors::Errors;
 
 use crate::error::Error;
+use crate::estimation::Map;
 use crate::geometry::{Pose, bearing_to, pose};
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
@@ -56,6 +59,30 @@ pub struct Scene {
     pub landmarks: Vec<Point2<f64>>,
     /// Bearings \[rad\] in (-pi, pi], views times landmarks, row by row; NaN where not seen.
     pub bearings: Vec<f64>,
+}
+
+impl Scene {
+    /// The truth as a map.
+    pub fn map(&self) -> Map<f64> {
+        Map {
+            poses: self.poses.iter().copied().map(Some).collect(),
+            landmarks: self.landmarks.iter().copied().map(Some).collect(),
+        }
+    }
+}
+
+impl Layout {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Mixed, Self::Enclosed, Self::Trajectory];
+
+    /// The name of the variant in lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mixed => "mixed",
+            Self::Enclosed => "enclosed",
+            Self::Trajectory => "trajectory",
+        }
+    }
 }
 
 /// A random scene with Gaussian noise of standard deviation `noise` \[rad\] on every bearing.

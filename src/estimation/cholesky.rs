@@ -2,6 +2,8 @@
 //! Cholesky factorisation of a dense symmetric matrix in place, tuned for some dozens of rows.
 
 use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
 
 /// Replaces the lower triangle of a row-major `n x n` matrix by its Cholesky
 /// factor with inverted diagonal.
@@ -94,6 +96,23 @@ pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
     }
 }
 
+/// The diagonal of the inverse of the matrix, from the factor of [`factorize`].
+pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
+    let mut column = vec![T::zero(); n];
+    let squares = |j: usize| {
+        // Column j of the inverse of L.
+        column[j] = factor[j * n + j];
+        let mut sum = column[j] * column[j];
+        for i in j + 1..n {
+            let row = &factor[i * n..][..=i];
+            column[i] = -dot(&row[j..i], &column[j..i]) * row[i];
+            sum += column[i] * column[i];
+        }
+        sum
+    };
+    (0..n).map(squares).collect()
+}
+
 /// Inner product with four interleaved sums: a fixed order that fits the vector registers.
 #[inline]
 fn dot<T: Real>(a: &[T], b: &[T]) -> T {
@@ -115,7 +134,6 @@ fn dot<T: Real>(a: &[T], b: &[T]) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use alloc::vec::Vec;
     use nalgebra::{DMatrix, DVector};
 
     #[test]
@@ -131,6 +149,11 @@ mod tests {
             solve(&matrix, &mut x);
             let error = (DVector::from_vec(x) - &expected).norm();
             assert!(error < 1e-11 * expected.norm(), "{error:e}");
+            let inverse = a.clone().cholesky().unwrap().inverse();
+            for (k, found) in inverse_diagonal(&matrix, n).into_iter().enumerate() {
+                let expected = inverse[(k, k)];
+                assert!((found - expected).abs() < 1e-11 * expected, "{k}");
+            }
         }
         assert!(!factorize(&mut [1.0, 0.0, 2.0, 1.0], 2));
         assert!(!factorize(&mut [f64::NAN], 1));
