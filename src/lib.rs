@@ -63,7 +63,7 @@ mod simulate;
 mod sweep;
 
 #[cfg(feature = "rayon")]
-pub use batch::solve_batch;
+pub use batch::{solve_batch, three_view_batch};
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{

@@ -2,8 +2,10 @@
 //! Maps of many views from nothing.
 
 mod bounded;
+mod circle;
+mod edges;
 mod expand;
-mod four;
+mod minima;
 mod options;
 mod paper;
 mod result;

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The compiled core: functions on arrays. The package wraps each of them once; call the package."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, TypedDict, type_check_only
 
 import numpy as np
@@ -66,6 +66,7 @@ def solve(
     triples: int,
     grown: int,
     candidates: int,
+    swept: int,
     max_iterations: int,
     damping: float,
     tolerance: float,
@@ -97,3 +98,14 @@ def simulate(
     height: float,
     sight: float,
 ) -> tuple[_Float, _Float, _Float]: ...
+def three_view_batch(
+    bearings: _Float, method: str, reweights: int
+) -> tuple[_Float, _Float, _Index, _Float, list[bool]]: ...
+def sweep(
+    chunks: Sequence[tuple[str, int, int, float, int, int]],
+    starts: Sequence[str],
+    seed: int,
+    threads: int,
+    done: Callable[[int, _Index, _Index], object],
+) -> None: ...
+def scene_seed(layout: str, views: int, landmarks: int, noise: float, seed: int, trial: int) -> int: ...

@@ -44,6 +44,7 @@ TUNING = {
     "triples": ("N", "triples of views whose tensor is estimated"),
     "grown": ("N", "of these, the best conditioned that are grown to maps"),
     "candidates": ("N", "of these, most that are refined"),
+    "swept": ("N", "triples whose tensor is varied when there is doubt"),
     "max_iterations": ("N", "steps of one refinement at most"),
     "damping": ("X", "first damping; 0 is Gauss-Newton"),
     "tolerance": ("X", "relative fall of the cost that ends a refinement"),

@@ -31,6 +31,7 @@ def solve(
     triples: int = 24,
     grown: int = 6,
     candidates: int = 6,
+    swept: int = 4,
     max_iterations: int = 100,
     damping: float = 1e-4,
     tolerance: float = 1e-10,
@@ -40,7 +41,7 @@ def solve(
     """Poses and landmarks from bearings alone: no odometry, no guess.
 
     The tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly, by
-    resection and triangulation; the best of these are refined; the least cost is the answer.
+    resection and triangulation; the best of these are refined until one is beyond doubt; the least cost is the answer.
 
     Parameters
     ----------
@@ -58,7 +59,11 @@ def solve(
     grown : int
         The best conditioned of them, so many, are grown to whole maps, both solutions of each; "search" only.
     candidates : int
-        Most maps that are refined; as soon as two end in the same minimum it is enough. "search" only.
+        Most maps that are refined; fewer when the cost of one is what `sigma` lets expect, or two end in the same
+        minimum. "search" only.
+    swept : int
+        When the candidates leave doubt, the tensors of so many triples are varied in the direction that the bearings
+        hold least, and twice as many candidates follow; 0 for none. "search" only.
     max_iterations : int
         Steps of one refinement at most.
     damping : float
@@ -121,6 +126,7 @@ def solve(
         triples=whole("triples", triples, 1),
         grown=whole("grown", grown, 1),
         candidates=whole("candidates", candidates, 1),
+        swept=whole("swept", swept, 0),
         max_iterations=whole("max_iterations", max_iterations, 1),
         damping=real("damping", damping, 0.0),
         tolerance=real("tolerance", tolerance, 0.0),

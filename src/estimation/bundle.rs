@@ -88,6 +88,22 @@ impl<T: Real> Around<T> {
     }
 }
 
+/// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
+pub fn horizon<T: Real>() -> T {
+    T::lit(0.1) / T::eps().sqrt()
+}
+
+/// The longer side of the box around some places.
+fn extent<T: Real>(places: impl Iterator<Item = Vector2<T>> + Clone) -> T {
+    let Some(first) = places.clone().next() else {
+        return T::zero();
+    };
+    let (low, high) = places.fold((first, first), |(low, high), place| {
+        (low.inf(&place), high.sup(&place))
+    });
+    (high - low).amax()
+}
+
 /// Steps of each landmark after a step of the whole.
 const SETTLING_STEPS: usize = 2;
 
@@ -110,35 +126,49 @@ impl<T: Real> Bundle<T> {
         }
     }
 
-    /// The size of the map as a power of two, so that scaling by it loses no digit.
+    /// The extent of the views (where they are in one place, of all) as a power of two, so that
+    /// scaling by it loses no digit.
     pub fn unit(&self) -> Result<T, Error> {
-        let positions = self.poses.iter().map(|pose| pose.translation.vector);
-        let positions = positions.chain(self.landmarks.iter().map(|point| point.coords));
-        let (mut low, mut high) = (Vector2::repeat(T::zero()), Vector2::repeat(T::zero()));
-        for (k, position) in positions.enumerate() {
+        let views = self.poses.iter().map(|pose| pose.translation.vector);
+        let all = views
+            .clone()
+            .chain(self.landmarks.iter().map(|point| point.coords));
+        for (index, position) in all.clone().enumerate() {
             if !(position.x.is_finite() && position.y.is_finite()) {
                 return Err(Error::NotFinite {
                     what: "positions of the start",
-                    index: k,
+                    index,
                 });
             }
-            if k == 0 {
-                (low, high) = (position, position);
-            }
-            low = low.inf(&position);
-            high = high.sup(&position);
         }
-        let size = (high.x - low.x).max(high.y - low.y);
-        let unit = T::lit(2.0).powf(size.log2().round());
-        if size > T::zero() && unit.is_finite() && unit > T::zero() && (T::one() / unit).is_finite()
-        {
-            Ok(unit)
-        } else {
-            Err(Error::Degenerate {
+        let power = |size: T| T::lit(2.0).powf(size.log2().round());
+        let usable = |size: T| {
+            let unit = power(size);
+            let square = unit * unit;
+            size > T::zero() && square.is_finite() && (T::one() / square).is_finite()
+        };
+        let sizes = [extent(views), extent(all)];
+        match sizes.into_iter().find(|size| usable(*size)) {
+            Some(size) => Ok(power(size)),
+            None => Err(Error::Degenerate {
                 quantity: "extent of the start",
-                value: size.as_f64(),
+                value: sizes[1].as_f64(),
                 bound: 0.0,
-            })
+            }),
+        }
+    }
+
+    /// Brings landmarks that are too far away to be told from infinity to where they can just be.
+    pub fn bring_in(&mut self) {
+        let horizon = horizon::<T>();
+        let Some(home) = self.poses.first().map(|pose| pose.translation.vector) else {
+            return;
+        };
+        for point in &mut self.landmarks {
+            let offset = point.coords - home;
+            if offset.amax() > horizon {
+                *point = Point2::from(home + (offset / offset.amax()).normalize() * horizon);
+            }
         }
     }
 
@@ -178,7 +208,7 @@ impl<T: Real> Bundle<T> {
             let Some(step) = at.step() else { break };
             let moved = point + step;
             let there = self.around(problem, landmark, &moved);
-            if !(there.squares < at.squares) {
+            if !(there.squares < at.squares) || moved.coords.amax() > horizon() {
                 break;
             }
             (point, at) = (moved, there);

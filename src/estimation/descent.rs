@@ -146,7 +146,8 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 } else {
                     gained
                 };
-                if left <= tolerance * self.cost {
+                // Gains that grow as the damping falls are those of a direction it still holds back.
+                if left <= tolerance * self.cost && gained <= last_gain {
                     return Ok(Rest::Ended(Termination::Converged));
                 }
                 if system.pauses(&self.bundle, &self.rows, self.cost) {

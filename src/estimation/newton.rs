@@ -8,7 +8,7 @@
 //! maps there is a smaller problem with a minimum of its own, (T22) and (T23): it is tried, and kept
 //! when it is lower and the cost rises from it inwards.
 
-use super::bundle::{Bundle, Row};
+use super::bundle::{Bundle, Row, horizon};
 use super::cholesky;
 use super::descent::{Descent, Rest, System};
 use super::linearized::{centroid, spread};
@@ -67,6 +67,11 @@ pub fn finish<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, 
             return Ok(Termination::MaxIterations);
         }
     }
+}
+
+/// Whether a landmark is so near to an edge that the minimum may lie there.
+pub fn near_edge<T: Real>(descent: &Descent<'_, '_, T>) -> bool {
+    Newton::new(descent.problem).pauses(&descent.bundle, &descent.rows, descent.cost)
 }
 
 /// Where a landmark may leave the plane.
@@ -172,9 +177,7 @@ impl<'a, T: Real> Newton<'a, T> {
             Place::Infinity(landmark) => {
                 let (middle, _) = middle(&bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                // As far as leaves half of the digits to tell directions.
-                let range = T::lit(0.1) / T::eps().sqrt();
-                bundle.landmarks[landmark] = Point2::from(middle + direction * range);
+                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon::<T>());
             }
         }
         let before = core::mem::replace(&mut descent.bundle, bundle);

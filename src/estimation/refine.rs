@@ -146,6 +146,7 @@ pub fn refine_map<T: Real>(
     };
     let unit = bundle.unit()?;
     bundle.scale(T::one() / unit);
+    bundle.bring_in();
     let mut descent = Descent::new(active, options, watch, bundle)?;
     let termination = if keeps_landmarks(active) {
         minimize::<T, 3, 2>(&mut descent)?
@@ -197,6 +198,9 @@ where
     let first = if newton { limit.min(SOON) } else { limit };
     match descent.run(&mut reduced, first)? {
         Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
+        Rest::Ended(Termination::Converged) if newton && newton::near_edge(descent) => {
+            newton::finish(descent)
+        }
         Rest::Ended(termination) => Ok(termination),
         Rest::Paused => Ok(Termination::NoProgress),
     }

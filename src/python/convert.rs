@@ -280,7 +280,11 @@ pub fn points<'py>(py: Python<'py>, points: &[Option<Point2<f64>>]) -> Bound<'py
 }
 
 /// A C-ordered array from its entries, as many as the shape says.
-pub fn array2(py: Python<'_>, flat: Vec<f64>, shape: [usize; 2]) -> Bound<'_, PyArray2<f64>> {
+pub fn array2<E: numpy::Element>(
+    py: Python<'_>,
+    flat: Vec<E>,
+    shape: [usize; 2],
+) -> Bound<'_, PyArray2<E>> {
     let array = PyArray2::zeros(py, shape, false);
     if let Ok(mut view) = array.try_readwrite() {
         for (cell, value) in view.as_array_mut().iter_mut().zip(flat) {

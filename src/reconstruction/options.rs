@@ -23,8 +23,12 @@ pub struct Search {
     pub triples: usize,
     /// The best conditioned of them, which are grown to whole maps, both branches.
     pub grown: usize,
-    /// Most maps that are refined; two that end in the same minimum are enough.
+    /// Most maps that are refined; fewer when the first or two that agree are enough.
     pub candidates: usize,
+    /// Triples, the best conditioned, whose tensor is varied along the direction that the bearings
+    /// hold least when the candidates leave doubt; twice as many candidates then follow. Zero for
+    /// none.
+    pub swept: usize,
 }
 
 impl Default for Search {
@@ -33,6 +37,7 @@ impl Default for Search {
             triples: 24,
             grown: 6,
             candidates: 6,
+            swept: 4,
         }
     }
 }

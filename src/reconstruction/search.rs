@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Hypotheses: whole maps grown from triples of views.
 
+use super::circle::{Circle, along_circle};
 use super::expand::{grow, score};
-use super::four;
 use super::options::{Progress, Search, tell};
 use super::triples::{self, common_bearings};
 use crate::error::Error;
@@ -15,14 +15,26 @@ use alloc::vec::Vec;
 const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
+/// A first map.
+pub struct Hypothesis<T: Real> {
+    pub map: Map<T>,
+    /// Number of the triple that it has been grown from.
+    pub triple: usize,
+}
+
 /// First maps.
 pub struct Hypotheses<T: Real> {
     /// Best first.
-    pub maps: Vec<Map<T>>,
+    pub maps: Vec<Hypothesis<T>>,
     /// Whether the problem has one solution in general: more than three views, more than four
     /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
     pub unique: bool,
+    /// Triples of views, the best conditioned first, for a wider search.
+    triples: Vec<[usize; 3]>,
 }
+
+/// Maps with their scores.
+type Scored<T> = Vec<(f64, Hypothesis<T>)>;
 
 /// Maps grown from many triples of views, the best score first.
 pub fn search<T: Real>(
@@ -65,14 +77,13 @@ pub fn search<T: Real>(
         }
     }
     seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    seeds.truncate(search.grown);
-    let mut scored: Vec<(f64, Map<T>)> = Vec::new();
-    let total = seeds.len();
-    for (done, (_, triples, views)) in seeds.into_iter().enumerate() {
-        if !tell(progress, "grow", done, total) {
+    let mut scored: Scored<T> = Vec::new();
+    let total = seeds.len().min(search.grown);
+    for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
+        if !tell(progress, "grow", triple, total) {
             return Err(Error::Interrupted);
         }
-        match three_view(&triples, Method::Calibrated { reweights: 1 }) {
+        match three_view(triples, Method::Calibrated { reweights: 1 }) {
             Err(error) => failure = Some(error),
             Ok(solution) => {
                 let [first, second] = &solution.motions;
@@ -84,7 +95,8 @@ pub fn search<T: Real>(
                         map.poses[view] = Some(pose);
                     }
                     grow(problem, &mut map);
-                    scored.push((score(problem, &map).as_f64(), map));
+                    let score = score(problem, &map).as_f64();
+                    scored.push((score, Hypothesis { map, triple }));
                 }
             }
         }
@@ -93,26 +105,75 @@ pub fn search<T: Real>(
     if four {
         let count = search.triples.min(MAX_SWEEPS);
         let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
-        for (done, &views) in drawn.iter().enumerate() {
-            if !tell(progress, "search", done, drawn.len()) {
-                return Err(Error::Interrupted);
-            }
-            scored.extend(
-                four::sweep(problem, views)
-                    .into_iter()
-                    .map(|(score, map)| (score.as_f64(), map)),
-            );
-        }
+        scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
     }
     if scored.is_empty() {
         return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
     }
-    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let maps: Vec<Map<T>> = scored.into_iter().map(|(_, map)| map).collect();
+    let maps = if four {
+        distinct(scored)
+    } else {
+        ranked(scored)
+    };
     Ok(Hypotheses {
-        maps: if four { distinct(maps) } else { maps },
+        maps,
         unique: !four && problem.views() > 3,
+        triples: seeds.into_iter().map(|(_, _, views)| views).collect(),
     })
+}
+
+impl<T: Real> Hypotheses<T> {
+    /// Maps from elsewhere.
+    pub fn of<const N: usize>(maps: [Map<T>; N]) -> Self {
+        Self {
+            maps: maps.map(|map| Hypothesis { map, triple: 0 }).into(),
+            unique: false,
+            triples: Vec::new(),
+        }
+    }
+
+    /// More maps: from tensors that noise may have turned into those that were estimated.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when `progress` says so.
+    pub fn widened(
+        &self,
+        problem: &Problem<T>,
+        swept: usize,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Vec<Hypothesis<T>>, Error> {
+        let triples = &self.triples[..swept.min(self.triples.len())];
+        Ok(distinct(sweep(
+            problem,
+            triples,
+            Circle::AROUND_BEST,
+            progress,
+        )?))
+    }
+}
+
+/// Maps along the circles of some triples.
+fn sweep<T: Real>(
+    problem: &Problem<T>,
+    triples: &[[usize; 3]],
+    circle: Circle,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Scored<T>, Error> {
+    let mut scored = Vec::new();
+    for (triple, &views) in triples.iter().enumerate() {
+        if !tell(progress, "search", triple, triples.len()) {
+            return Err(Error::Interrupted);
+        }
+        let found = along_circle(problem, views, circle).into_iter();
+        scored.extend(found.map(|(score, map)| (score.as_f64(), Hypothesis { map, triple })));
+    }
+    Ok(scored)
+}
+
+/// Hypotheses by their scores, the best first.
+fn ranked<T: Real>(mut scored: Scored<T>) -> Vec<Hypothesis<T>> {
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.into_iter().map(|(_, found)| found).collect()
 }
 
 /// What to say when no three views share enough landmarks.
@@ -128,22 +189,22 @@ fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
     }
 }
 
-/// The first of each cluster of maps, up to [`MAX_DISTINCT`].
-fn distinct<T: Real>(maps: Vec<Map<T>>) -> Vec<Map<T>> {
-    let mut found: Vec<(Map<T>, Map<T>)> = Vec::new();
-    for map in maps {
-        let normalized = map.normalized();
-        if found
+/// The best of each cluster of maps, up to [`MAX_DISTINCT`].
+fn distinct<T: Real>(scored: Scored<T>) -> Vec<Hypothesis<T>> {
+    let mut kept: Vec<(Hypothesis<T>, Map<T>)> = Vec::new();
+    for found in ranked(scored) {
+        let normalized = found.map.normalized();
+        if kept
             .iter()
             .all(|(_, other)| !near(&normalized, other, T::lit(CLUSTER)))
         {
-            found.push((map, normalized));
-            if found.len() == MAX_DISTINCT {
+            kept.push((found, normalized));
+            if kept.len() == MAX_DISTINCT {
                 break;
             }
         }
     }
-    found.into_iter().map(|(map, _)| map).collect()
+    kept.into_iter().map(|(found, _)| found).collect()
 }
 
 /// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
@@ -153,7 +214,7 @@ const MAX_SWEEPS: usize = 4;
 /// the same minimum.
 const CLUSTER: f64 = 0.05;
 
-/// Most hypotheses that are refined for a problem with four landmarks.
+/// Most clusters that are looked at.
 const MAX_DISTINCT: usize = 60;
 
 /// Whether all poses of two normalised maps differ by less than a bound.

@@ -2,10 +2,11 @@
 //! From bearings to the best map: hypotheses, refinement, choice.
 
 use super::bounded::take_out_unbounded;
+use super::minima::{Minima, same};
 use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::result::Reconstruction;
-use super::search::{self, Hypotheses, near};
+use super::search::{self, Hypotheses, Hypothesis};
 use crate::error::Error;
 use crate::estimation::{
     Map, Problem, RefineOptions, Report, Subject, Termination, Why, refine_map, sensitivity,
@@ -48,20 +49,24 @@ pub fn initialize<T: Real>(
         Strategy::Search(_) => 2,
         Strategy::FirstViews(_) => 1,
     };
-    let judged = hypotheses.maps.into_iter().take(count).map(|mut map| {
-        let undetermined = map.prune(problem);
-        let cost = cost(problem, &map);
-        Reconstruction::new(
-            problem,
-            &map,
-            Report {
-                cost,
-                termination: Termination::NotRefined,
-                iterations: 0,
-                undetermined,
-            },
-        )
-    });
+    let judged = hypotheses
+        .maps
+        .into_iter()
+        .take(count)
+        .map(|Hypothesis { mut map, .. }| {
+            let undetermined = map.prune(problem);
+            let cost = cost(problem, &map);
+            Reconstruction::new(
+                problem,
+                &map,
+                Report {
+                    cost,
+                    termination: Termination::NotRefined,
+                    iterations: 0,
+                    undetermined,
+                },
+            )
+        });
     choose(problem, judged.collect())
 }
 
@@ -114,9 +119,11 @@ pub fn refine<T: Real>(
 ///
 /// Triples of views give hypotheses in closed form, both branches of each; the best conditioned are
 /// grown to whole maps by resection and triangulation and scored by a robust cost over all bearings;
-/// the best are refined until two end in the same minimum; the lowest is returned, with the rivals
-/// that explain the bearings nearly as well (the mirror branch of three views, the several exact maps
-/// of four landmarks).
+/// the best are refined until one is as low as the noise says or two end in the same minimum. If they
+/// do not, more hypotheses are made by varying the tensors along the direction that the
+/// bearings hold least. Then single landmarks are tried in other places. The lowest minimum is returned,
+/// with the rivals that explain the bearings nearly as well (the mirror branch of three views, the
+/// several exact maps of four landmarks).
 ///
 /// The first determined view is at the origin with heading 0 and the root-mean-square distance of the
 /// other views from it is 1. Views and landmarks that the bearings do not determine are `None` and
@@ -146,47 +153,40 @@ pub fn solve<T: Real>(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
-    let Hypotheses { maps, unique } = hypotheses(problem, options, &mut progress)?;
-    let candidates = match options.strategy {
-        Strategy::Search(search) if unique => search.candidates,
+    let mut hypotheses = hypotheses(problem, options, &mut progress)?;
+    let maps = core::mem::take(&mut hypotheses.maps).into_iter();
+    let found = match options.strategy {
+        Strategy::FirstViews(_) => {
+            let mut minima = Minima::new(problem, &options.refine, &mut progress);
+            minima.try_out(maps.take(1), false)?;
+            minima.finish(true)?;
+            minima.into_found()?
+        }
         // Every minimum counts where there may be several exact ones.
-        Strategy::Search(_) => maps.len(),
-        Strategy::FirstViews(_) => 1,
+        Strategy::Search(_) if !hypotheses.unique => {
+            let mut minima = Minima::new(problem, &options.refine, &mut progress);
+            minima.try_out(maps, false)?;
+            minima.finish(true)?;
+            minima.move_landmarks()?;
+            minima.into_found()?
+        }
+        Strategy::Search(search) => {
+            let mut minima = Minima::new(problem, &options.refine, &mut progress);
+            if !minima.try_out(maps.take(search.candidates), true)? && search.swept > 0 {
+                let maps = hypotheses.widened(problem, search.swept, minima.progress)?;
+                minima.try_out(maps.into_iter().take(2 * search.candidates), true)?;
+            }
+            minima.finish(false)?;
+            minima.move_landmarks()?;
+            minima.into_found()?
+        }
     };
-    let total = candidates.min(maps.len());
-    let mut refined: Vec<Reconstruction<T>> = Vec::with_capacity(total);
-    let mut failure = None;
-    for (done, mut map) in maps.into_iter().take(candidates).enumerate() {
-        let mut watch = |_, _| tell(&mut progress, "refine", done, total);
-        match refine_map(problem, &mut map, &options.refine, Some(&mut watch)) {
-            Ok(report) => {
-                let found = Reconstruction::new(problem, &map, report);
-                let confirmed = unique
-                    && refined
-                        .iter()
-                        .all(|other| other.cost >= found.cost * T::lit(SAME_COST))
-                    && refined.iter().any(|other| same(&other.map, &found.map));
-                refined.push(found);
-                if confirmed {
-                    break;
-                }
-            }
-            Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
-            // A hypothesis that cannot even be refined is none.
-            Err(error) => failure = Some(error),
-        }
+    let mut best = choose(problem, found)?;
+    take_out_unbounded(problem, &mut best);
+    for rival in &mut best.alternatives {
+        take_out_unbounded(problem, rival);
     }
-    match failure {
-        Some(error) if refined.is_empty() => Err(error),
-        _ => {
-            let mut best = choose(problem, refined)?;
-            take_out_unbounded(problem, &mut best);
-            for rival in &mut best.alternatives {
-                take_out_unbounded(problem, rival);
-            }
-            judge(problem, best)
-        }
-    }
+    judge(problem, best)
 }
 
 /// Fills in sensitivity and uncertainty.
@@ -235,10 +235,7 @@ fn hypotheses<T: Real>(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Hypotheses<T>, Error> {
     match options.strategy {
-        Strategy::FirstViews(method) => Ok(Hypotheses {
-            maps: paper::follow(problem, method)?.into(),
-            unique: false,
-        }),
+        Strategy::FirstViews(method) => Ok(Hypotheses::of(paper::follow(problem, method)?)),
         Strategy::Search(search) => search::search(problem, search, options.seed, progress),
     }
 }
@@ -289,11 +286,3 @@ fn missing<T: Real>(found: &Reconstruction<T>) -> usize {
 /// A map fits about as well as another, and is a rival of it, when its cost per degree of freedom is at
 /// most this many times the other's: three times the residuals.
 const AS_GOOD: f64 = 9.0;
-
-/// Costs whose ratio is closer to 1 than this are those of one minimum.
-const SAME_COST: f64 = 1.0 - 1e-6;
-
-/// Whether two normalised maps are the same minimum.
-fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
-    near(a, b, T::lit(1e-4).max(T::eps().sqrt()))
-}

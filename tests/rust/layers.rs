@@ -5,13 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the bottom up.
-const LAYERS: [&[&str]; 7] = [
+const LAYERS: [&[&str]; 8] = [
     &["scalar", "error"],
     &["geometry"],
     &["kernels"],
     &["estimation"],
     &["reconstruction", "simulate"],
     &["batch"],
+    &["sweep"],
     &["python"],
 ];
 

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
+//!
+//! A hypothesis in the basin of a good minimum gets there in a few iterations; what has not converged
+//! by then is in a bad one or hardly determined. So all candidates get a few iterations, and the best of
+//! the unfinished go on. Enough is reached when a minimum is as low as the noise says it must
+//! be, or two triples of views with no sighting in common agree on it.
+
+use super::edges::moved_landmarks;
+use super::options::{Progress, tell};
+use super::result::Reconstruction;
+use super::search::{Hypothesis, near};
+use crate::error::Error;
+use crate::estimation::{Map, Problem, RefineOptions, Termination, refine_map};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// Minima found so far, and starts that are not there yet.
+pub struct Minima<'a, 'p, T: Real> {
+    problem: &'a Problem<T>,
+    options: &'a RefineOptions<T>,
+    pub progress: &'a mut Option<Progress<'p>>,
+    /// With the number of the triple that each comes from.
+    minima: Vec<(Reconstruction<T>, usize)>,
+    unfinished: Vec<Reconstruction<T>>,
+    /// Why the last start that could not be refined could not.
+    failure: Option<Error>,
+}
+
+/// Iterations that every candidate gets.
+const FIRST_ITERATIONS: usize = 8;
+
+/// Most unfinished candidates that go on.
+const MAX_FINISHED: usize = 3;
+
+/// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+const HOPELESS: f64 = 30.0;
+
+/// Fewest degrees of freedom for which the cost alone tells a right minimum.
+const TELLING_FREEDOM: usize = 20;
+
+/// Standard deviations of the cost by which that of the right minimum may differ from its mean.
+const PLAUSIBLE: f64 = 3.0;
+
+/// Other places of landmarks that are tried at a time, and how often.
+const MOVES: usize = 4;
+const ROUNDS: usize = 3;
+
+/// Costs whose ratio is closer to 1 than this are those of one minimum.
+const SAME_COST: f64 = 1.0 - 1e-6;
+
+impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
+    pub fn new(
+        problem: &'a Problem<T>,
+        options: &'a RefineOptions<T>,
+        progress: &'a mut Option<Progress<'p>>,
+    ) -> Self {
+        Self {
+            problem,
+            options,
+            progress,
+            minima: Vec::new(),
+            unfinished: Vec::new(),
+            failure: None,
+        }
+    }
+
+    /// Gives each hypothesis a few iterations; with `stop`, until a minimum is beyond doubt. Returns
+    /// whether one is.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] and [`Error::TooLarge`].
+    pub fn try_out(
+        &mut self,
+        hypotheses: impl ExactSizeIterator<Item = Hypothesis<T>>,
+        stop: bool,
+    ) -> Result<bool, Error> {
+        let total = hypotheses.len();
+        let first = self.options.max_iterations.min(FIRST_ITERATIONS);
+        for (done, Hypothesis { map, triple }) in hypotheses.enumerate() {
+            let Some(found) = self.refine(map, first, 0, (done, total))? else {
+                continue;
+            };
+            if found.termination == Termination::MaxIterations {
+                self.unfinished.push(found);
+                continue;
+            }
+            let beyond_doubt = stop && (is_plausible(&found) || self.confirms(&found, triple));
+            self.minima.push((found, triple));
+            if beyond_doubt {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether a minimum is the lowest known, and another triple has led to it before.
+    fn confirms(&self, found: &Reconstruction<T>, triple: usize) -> bool {
+        let mut others = self.minima.iter();
+        others
+            .clone()
+            .all(|(other, _)| other.cost >= found.cost * T::lit(SAME_COST))
+            && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
+    }
+
+    /// Lets the best of the unfinished go on to their minima; `all` of them, however bad.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn finish(&mut self, all: bool) -> Result<(), Error> {
+        let mut unfinished = core::mem::take(&mut self.unfinished);
+        unfinished.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+        let total = if all { unfinished.len() } else { MAX_FINISHED };
+        let mut done = 0;
+        for found in unfinished {
+            let hopeless = self
+                .minima
+                .iter()
+                .any(|(other, _)| found.cost > other.cost * T::lit(HOPELESS));
+            let known = self
+                .minima
+                .iter()
+                .any(|(other, _)| same(&other.map, &found.map));
+            if all || (done < total && !hopeless && !known) {
+                let used = found.iterations;
+                let left = self.options.max_iterations.saturating_sub(used);
+                if let Some(found) = self.refine(found.map, left, used, (done, total))? {
+                    self.minima.push((found, usize::MAX));
+                }
+                done += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tries single landmarks of the best minimum in other places, as long as that makes it better.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn move_landmarks(&mut self) -> Result<(), Error> {
+        for _ in 0..ROUNDS {
+            let lowest = self
+                .minima
+                .iter()
+                .map(|(found, _)| found)
+                .min_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+            let Some(best) = lowest else { break };
+            if best.freedom == 0 || best.termination == Termination::ZeroResidual {
+                break;
+            }
+            let cost = best.cost;
+            let variance = T::lit(2.0) * cost / T::lit(best.freedom as f64);
+            let maps = moved_landmarks(self.problem, &best.map, variance);
+            let total = maps.len().min(MOVES);
+            let mut lower = false;
+            for (done, map) in maps.into_iter().take(MOVES).enumerate() {
+                let iterations = self.options.max_iterations;
+                if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
+                    lower |= found.cost < cost * T::lit(SAME_COST);
+                    self.minima.push((found, usize::MAX));
+                }
+            }
+            if !lower {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The minima, or why there are none.
+    ///
+    /// # Errors
+    /// Those of [`refine_map`] for the last start, when none could be refined.
+    pub fn into_found(self) -> Result<Vec<Reconstruction<T>>, Error> {
+        match self.failure {
+            Some(error) if self.minima.is_empty() => Err(error),
+            _ => Ok(self.minima.into_iter().map(|(found, _)| found).collect()),
+        }
+    }
+
+    /// Refines a map; `None` when it cannot be.
+    fn refine(
+        &mut self,
+        mut map: Map<T>,
+        max_iterations: usize,
+        used: usize,
+        (done, total): (usize, usize),
+    ) -> Result<Option<Reconstruction<T>>, Error> {
+        let options = RefineOptions {
+            max_iterations,
+            ..*self.options
+        };
+        let mut watch = |_, _| tell(self.progress, "refine", done, total);
+        match refine_map(self.problem, &mut map, &options, Some(&mut watch)) {
+            Ok(mut report) => {
+                report.iterations += used;
+                Ok(Some(Reconstruction::new(self.problem, &map, report)))
+            }
+            Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => Err(error),
+            // A hypothesis that cannot even be refined is none.
+            Err(error) => {
+                self.failure = Some(error);
+                Ok(None)
+            }
+        }
+    }
+}
+
+/// Whether the cost of a minimum is what the standard deviations of the sightings let expect of the
+/// right one, and no wrong one would come so low.
+fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
+    let freedom = found.freedom as f64;
+    let deviation = (2.0 * found.cost.as_f64() - freedom).abs();
+    found.termination == Termination::ZeroResidual
+        || (found.freedom >= TELLING_FREEDOM
+            && found.undetermined.is_empty()
+            && deviation * deviation <= PLAUSIBLE * PLAUSIBLE * 2.0 * freedom)
+}
+
+/// Whether two normalised maps are the same minimum.
+pub fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
+    near(a, b, T::lit(1e-4).max(T::eps().sqrt()))
+}
