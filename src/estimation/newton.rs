@@ -367,6 +367,27 @@ impl<'a, T: Real> Newton<'a, T> {
         predicted.is_finite().then_some(predicted)
     }
 
+    /// The bundle after the step that has been solved for.
+    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+        let delta = &self.delta;
+        let pair = |place: usize| Vector2::new(delta[place], delta[place + 1]);
+        let poses: Vec<_> = (0..bundle.poses.len())
+            .map(|view| Vector3::from_column_slice(&delta[3 * view..3 * view + 3]))
+            .collect();
+        let landmarks: Vec<_> = self
+            .columns
+            .iter()
+            .zip(&bundle.landmarks)
+            .map(|(column, point)| match *column {
+                Column::Point(place) | Column::View(place) => pair(place),
+                Column::Direction(place) => {
+                    UnitComplex::new(delta[place]) * point.coords - point.coords
+                }
+            })
+            .collect();
+        bundle.step(&poses, &landmarks, result);
+    }
+
     /// Whether an edge may be tried from so far off.
     fn open(&self, place: Place, distance: T) -> bool {
         self.refused
@@ -395,23 +416,7 @@ impl<T: Real> System<T> for Newton<'_, T> {
         let predicted = self
             .solve(damping, true)
             .or_else(|| self.solve(damping, false))?;
-        let delta = &self.delta;
-        let pair = |place: usize| Vector2::new(delta[place], delta[place + 1]);
-        let poses: Vec<_> = (0..bundle.poses.len())
-            .map(|view| Vector3::from_column_slice(&delta[3 * view..3 * view + 3]))
-            .collect();
-        let landmarks: Vec<_> = self
-            .columns
-            .iter()
-            .zip(&bundle.landmarks)
-            .map(|(column, point)| match *column {
-                Column::Point(place) | Column::View(place) => pair(place),
-                Column::Direction(place) => {
-                    UnitComplex::new(delta[place]) * point.coords - point.coords
-                }
-            })
-            .collect();
-        bundle.step(&poses, &landmarks, result);
+        self.apply(bundle, result);
         Some(predicted)
     }
 
@@ -453,5 +458,101 @@ impl<T: Real> System<T> for Newton<'_, T> {
             }
         }
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+
+    /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
+    fn setting(problem: &Problem<f64>) -> (Bundle<f64>, Newton<'_, f64>) {
+        let far = horizon::<f64>();
+        let bundle = Bundle {
+            poses: [(0.1, 0.2, 0.3), (2.0, -1.0, 2.5), (-0.7, 0.9, -1.1)]
+                .map(|(x, y, theta)| pose(x, y, theta))
+                .to_vec(),
+            landmarks: vec![
+                Point2::new(1.0, 2.0),
+                Point2::new(2.0, -1.0),
+                Point2::new(0.6 * far, -0.8 * far),
+            ],
+        };
+        let mut newton = Newton::new(problem);
+        for place in [Place::View(4), Place::Infinity(2)] {
+            newton.edges.push(Edge {
+                place,
+                distance: 0.0,
+                bundle: bundle.clone(),
+                cost: 0.0,
+            });
+        }
+        newton.number();
+        (bundle, newton)
+    }
+
+    /// The curved matrix without the gauge is the derivative of the gradient.
+    #[test]
+    fn second_derivatives_are_differences_of_the_gradient() {
+        let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
+        let problem = Problem::dense(3, 3, &bearings, 0.5).unwrap();
+        let (bundle, mut newton) = setting(&problem);
+        let mut rows = Vec::new();
+        let gradient = |newton: &mut Newton<'_, f64>, bundle: &Bundle<f64>| {
+            let mut rows = Vec::new();
+            bundle.linearize(&problem, &mut rows);
+            newton.assemble(bundle, &rows);
+            newton.gradient.clone()
+        };
+        bundle.linearize(&problem, &mut rows);
+        newton.assemble(&bundle, &rows);
+        let size = newton.gradient.len();
+        assert_eq!(size, 9 + 2 + 1);
+        let mut curved = newton.curved.clone();
+        // What the gauge has added to the matrix it has added to the plain one as well.
+        let trace: f64 = {
+            let plain: f64 = rows
+                .iter()
+                .zip(problem.sightings())
+                .filter(|(_, s)| newton.columns[s.landmark] != Column::View(3 * s.view))
+                .map(|(row, s)| {
+                    let square = row.gradient.norm_squared();
+                    let last = match newton.columns[s.landmark] {
+                        Column::Direction(_) => row.weight * row.weight,
+                        _ => square,
+                    };
+                    square + row.weight * row.weight + last
+                })
+                .sum();
+            plain
+        };
+        for direction in newton.gauge(&bundle) {
+            let square: f64 = direction.iter().map(|d| d * d).sum();
+            let stiffness = trace / (size as f64 * square);
+            for i in 0..size {
+                for j in 0..=i {
+                    curved[i * size + j] -= direction[i] * direction[j] * stiffness;
+                }
+            }
+        }
+        let step = 1e-6;
+        for parameter in 0..size {
+            let sides = [-step, step].map(|length| {
+                newton.delta = vec![0.0; size];
+                newton.delta[parameter] = length;
+                let mut moved = bundle.clone();
+                newton.apply(&bundle, &mut moved);
+                gradient(&mut newton, &moved)
+            });
+            for other in 0..size {
+                let difference = (sides[1][other] - sides[0][other]) / (2.0 * step);
+                let entry = curved[parameter.max(other) * size + parameter.min(other)];
+                assert!(
+                    (difference - entry).abs() < 1e-5 * (1.0 + entry.abs()),
+                    "{parameter} {other}: {difference} {entry}"
+                );
+            }
+        }
     }
 }

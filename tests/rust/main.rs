@@ -10,3 +10,5 @@ mod reference;
 mod refinement;
 mod single;
 mod solve;
+#[cfg(feature = "rayon")]
+mod sweep;

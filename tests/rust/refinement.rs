@@ -249,3 +249,79 @@ fn the_scale_of_the_start_does_not_matter() {
     let error = refine_map(&problem, &mut place, &options, None).unwrap_err();
     assert!(matches!(error, Error::Degenerate { .. }), "{error}");
 }
+
+/// Half the sum of squared residuals, landmarks at infinity included.
+fn cost_of(found: &bearslam::Reconstruction<f64>) -> f64 {
+    let residuals = found.residuals.iter();
+    residuals.map(|r| r.unwrap().powi(2)).sum::<f64>() / 2.0
+}
+
+/// Distance between the landmark and the view that are nearest to each other.
+fn smallest_range(map: &Map<f64>) -> f64 {
+    let landmarks = || map.landmarks.iter().flatten();
+    let ranges =
+        map.poses.iter().flatten().flat_map(|pose| {
+            landmarks().map(|point| (point.coords - pose.translation.vector).norm())
+        });
+    ranges.fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_landmark_that_slides_onto_a_view_gets_there() {
+    // Maximum likelihood puts a landmark of these scenes onto a view.
+    for (views, landmarks, seed) in [(12, 15, 45), (12, 15, 127), (4, 7, 90), (4, 9, 5)] {
+        let scene = scene(Layout::Mixed, views, landmarks, 1.0, seed);
+        let problem = problem(&scene);
+        let options = RefineOptions::default();
+        let found = refine(&problem, &truth(&scene), &options, None).unwrap();
+        assert!(found.termination.was_successful(), "{seed}");
+        assert!(found.iterations < 60, "{seed} {}", found.iterations);
+        assert!(smallest_range(&found.map) < 1e-6, "{seed}");
+        assert!((cost_of(&found) / found.cost - 1.0).abs() < 1e-6, "{seed}");
+        // From elsewhere to the same infimum.
+        let other = refine(&problem, &guess(&scene, 0.02), &options, None).unwrap();
+        assert!((other.cost / found.cost - 1.0).abs() < 1e-6, "{seed}");
+    }
+}
+
+#[test]
+fn a_landmark_near_a_view_stays_off_it_where_that_is_better() {
+    // Exact bearings: the true landmark is close to a view, and not on it.
+    let mut scene = scene(Layout::Mixed, 6, 8, 0.0, 3);
+    let home = scene.poses[2].translation.vector;
+    scene.landmarks[5] = nalgebra::Point2::from(home + nalgebra::Vector2::new(0.004, 0.002));
+    for (i, pose) in scene.poses.iter().enumerate() {
+        scene.bearings[i * 8 + 5] = bearslam::bearing_to(pose, &scene.landmarks[5])
+            .unwrap()
+            .angle();
+    }
+    let options = RefineOptions::default();
+    let report = {
+        let mut map = guess(&scene, 0.001);
+        let report = refine_map(&problem(&scene), &mut map, &options, None).unwrap();
+        assert!(error(&map, &scene) < 1e-8, "{report:?}");
+        report
+    };
+    assert!(report.cost < 1e-12);
+}
+
+#[test]
+fn the_bearings_of_a_landmark_at_infinity_count() {
+    let mut checked = 0;
+    for seed in 0..200 {
+        let scene = scene(Layout::Enclosed, 4, 9, 1.5, seed);
+        let problem = problem(&scene);
+        let found = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+        if found
+            .undetermined
+            .iter()
+            .any(|undetermined| undetermined.why == bearslam::Why::AtInfinity)
+        {
+            checked += 1;
+            assert!(found.residuals.iter().all(Option::is_some));
+            assert!((cost_of(&found) / found.cost - 1.0).abs() < 1e-9);
+            assert_eq!(found.freedom, 36 + 4 - 12 - 18);
+        }
+    }
+    assert!(checked > 0);
+}
