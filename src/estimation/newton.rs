@@ -5,7 +5,7 @@
 //! decides, and it crawls. And the least squares of bearings need not have a minimum at all: the cost
 //! may fall towards an infimum that no map attains, as a landmark slides onto a view and that one
 //! bearing is explained for free, or as a landmark goes to infinity. On these two edges of the space of
-//! maps there is a smaller problem with a minimum of its own, (T22) and (T23): it is tried, and kept
+//! maps there is a smaller problem with a minimum of its own, (T23): it is tried, and kept
 //! when it is lower and the cost rises from it inwards.
 
 use super::bundle::{Bundle, Row, horizon};
