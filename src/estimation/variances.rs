@@ -47,8 +47,11 @@ pub fn aligned_variances<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<
             &[dx, dy, turn, gx, gy],
         );
     }
-    let trace = (0..size).fold(T::zero(), |sum, k| sum + matrix[k * size + k]);
-    let stiffness = trace / T::lit(size as f64);
+    // The harmonic mean of what is known of each parameter when all others are: a landmark close to a
+    // view does not count for more than it should.
+    let known: Vec<T> = (0..size).map(|k| matrix[k * size + k]).collect();
+    let stiffness =
+        T::lit(size as f64) / known.iter().fold(T::zero(), |sum, k| sum + T::one() / *k);
     // Where the positions are in the list of parameters, and what is done to them by the similarity.
     let place = |k: usize| if k < views { 3 * k } else { views + 2 * k };
     let positions: Vec<Vector2<T>> = bundle
@@ -81,6 +84,15 @@ pub fn aligned_variances<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<
     if !cholesky::factorize(&mut matrix, size) {
         return None;
     }
+    // A pivot that is rounding: the bearings leave more than the similarity free.
+    let rounding = T::eps() * T::lit(size as f64);
+    let free = |k: usize| {
+        let inverse = matrix[k * size + k];
+        !(inverse * inverse * known[k] * rounding < T::one())
+    };
+    if (0..size).any(free) {
+        return None;
+    }
     let diagonal = cholesky::inverse_diagonal(&matrix, size);
     let mut sums = Variances {
         // What the stiffness has added along the similarity.
@@ -88,16 +100,14 @@ pub fn aligned_variances<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<
         headings: -T::lit(views as f64) / (square * stiffness),
     };
     for (k, &variance) in diagonal.iter().enumerate() {
-        if k < 3 * views && k % 3 == 2 {
+        let turns = k < 3 * views && k % 3 == 2;
+        if turns {
             sums.headings += variance;
         } else {
             sums.positions += variance;
         }
     }
-    // Singular up to rounding: the sums are rounding themselves.
-    let bound = T::one() / (T::eps() * T::lit(size as f64) * stiffness);
-    (sums.positions > T::zero() && sums.headings > T::zero() && sums.positions < bound)
-        .then_some(sums)
+    (sums.positions > T::zero() && sums.headings > T::zero()).then_some(sums)
 }
 
 /// Adds the product of a row with itself to the lower triangle of a row-major matrix.
