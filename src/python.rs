@@ -6,6 +6,7 @@
 //! interpreter is released.
 
 mod convert;
+mod many;
 mod sweep;
 mod watch;
 
@@ -17,7 +18,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 use convert::{Floats, Indices};
 use nalgebra::Point2;
-use numpy::{PyArray1, PyArray2, PyArray3, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::format;
@@ -37,7 +38,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solve, module)?)?;
     module.add_function(wrap_pyfunction!(refine, module)?)?;
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
-    module.add_function(wrap_pyfunction!(three_view_batch, module)?)?;
+    module.add_function(wrap_pyfunction!(many::three_view_batch, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::scene_seed, module)?)
 }
@@ -333,68 +334,6 @@ fn layout(py: Python<'_>, name: &str) -> PyResult<Layout> {
             let known = Layout::ALL.map(Layout::name).join("\" or \"");
             convert::invalid(py, &format!("layout: expected \"{known}\", got {name:?}"))
         })
-}
-
-/// Many three-view problems: bearings (k, 3, n) to poses (k, 2, 3, 3), landmarks (k, 2, n, 2), and the
-/// numbers of each solution (k, 2); NaN and -1 where there is none.
-#[pyfunction]
-#[expect(clippy::type_complexity, reason = "the stub names them")]
-fn three_view_batch<'py>(
-    py: Python<'py>,
-    bearings: Floats<'py>,
-    method: &str,
-    reweights: usize,
-) -> PyResult<(
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<i64>>,
-    Bound<'py, PyArray2<f64>>,
-    Vec<bool>,
-)> {
-    let flat = convert::finite(py, "bearings", &bearings, &[None, Some(3), None])?;
-    let shape = bearings.shape();
-    let (count, landmarks) = (shape[0], shape[2]);
-    let method = self::method(py, method, reweights)?;
-    let (poses, points, inconsistent, cost, near_collinear) = py.detach(|| {
-        let triples: Vec<crate::Triple<f64>> = (0..count * landmarks)
-            .map(|k| {
-                let first = k / landmarks * 3 * landmarks + k % landmarks;
-                [0, 1, 2].map(|view| crate::Bearing::new(flat[first + view * landmarks]))
-            })
-            .collect();
-        let found = crate::three_view_batch(&triples, landmarks, method);
-        let mut poses = alloc::vec![f64::NAN; count * 18];
-        let mut points = alloc::vec![f64::NAN; count * 4 * landmarks];
-        let mut inconsistent = alloc::vec![-1; count * 2];
-        let mut cost = alloc::vec![f64::NAN; count * 2];
-        let mut near_collinear = alloc::vec![false; count];
-        for (k, solution) in found.iter().enumerate() {
-            let Ok(solution) = solution else { continue };
-            near_collinear[k] = solution.near_collinear;
-            let branches = if solution.flattened { 1 } else { 2 };
-            for (branch, motion) in (2 * k..).zip(&solution.motions[..branches]) {
-                for (view, pose) in motion.poses.iter().enumerate() {
-                    poses[9 * branch + 3 * view..][..3].copy_from_slice(&convert::triplet(pose));
-                }
-                for (j, triple) in triples[k * landmarks..][..landmarks].iter().enumerate() {
-                    if let Some(point) = motion.landmark(triple) {
-                        points[2 * (branch * landmarks + j)..][..2]
-                            .copy_from_slice(&[point.x, point.y]);
-                    }
-                }
-                inconsistent[branch] = i64::try_from(motion.inconsistent).unwrap_or(i64::MAX);
-                cost[branch] = motion.cost;
-            }
-        }
-        (poses, points, inconsistent, cost, near_collinear)
-    });
-    Ok((
-        convert::array2(py, poses, [count, 18]),
-        convert::array2(py, points, [count, 4 * landmarks]),
-        convert::array2(py, inconsistent, [count, 2]),
-        convert::array2(py, cost, [count, 2]),
-        near_collinear,
-    ))
 }
 
 /// The winner and, after it, its alternatives.

@@ -6,15 +6,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam import _core
-from bearslam.coerce import FloatArray, choice, floats, whole
+from bearslam.coerce import FloatArray, IntArray, choice, floats, whole
+from bearslam.errors import InvalidInputError
 
-__all__ = ["ThreeViewSolution", "epipoles", "three_view", "trifocal_tensor"]
+__all__ = ["ThreeViewBatch", "ThreeViewSolution", "epipoles", "three_view", "three_view_batch", "trifocal_tensor"]
 
 ThreeViewMethod = Literal["calibrated", "projective"]
 THREE_VIEW_METHODS = ("calibrated", "projective")
+LANDMARKS = {"calibrated": 5, "projective": 7}
+"""Fewest landmarks of each method."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,6 +115,86 @@ def three_view(
     array = floats("bearings", bearings, (3, "n"))
     choice("method", method, THREE_VIEW_METHODS)
     return [ThreeViewSolution(**raw) for raw in _core.three_view(array, method, whole("reweights", reweights, 0))]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ThreeViewBatch:
+    """Both motions of each of k three-view problems; best first, NaN where there is none.
+
+    Attributes
+    ----------
+    poses : (k, 2, 3, 3) ndarray
+        As in `ThreeViewSolution`, of both solutions.
+    landmarks : (k, 2, n, 2) ndarray
+        Positions in the same frames.
+    inconsistent : (k, 2) ndarray of int
+        Sightings that point away from their landmark; -1 where there is no solution.
+    cost : (k, 2) ndarray
+        Half the sum of the squared differences between measured and predicted bearings [rad^2].
+    near_collinear : (k,) ndarray of bool
+        The two solutions merge: expect a large error.
+    """
+
+    poses: FloatArray
+    landmarks: FloatArray
+    inconsistent: IntArray
+    cost: FloatArray
+    near_collinear: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __repr__(self) -> str:
+        solved = int((self.inconsistent[:, 0] >= 0).sum())
+        return f"<ThreeViewBatch: {solved} of {len(self)} problems with {self.landmarks.shape[2]} landmarks solved>"
+
+
+def three_view_batch(
+    bearings: ArrayLike, *, method: ThreeViewMethod = "calibrated", reweights: int = 2
+) -> ThreeViewBatch:
+    """Motions of many triples of views, over all cores.
+
+    Parameters
+    ----------
+    bearings : (k, 3, n) array_like of float
+        k problems as `three_view` takes them [rad].
+    method, reweights
+        As for `three_view`.
+
+    Returns
+    -------
+    ThreeViewBatch
+        What `three_view` returns for each, in arrays. A degenerate problem is no error: its numbers are NaN.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is not (k, 3, n), n is too small, or a bearing is not finite.
+
+    References
+    ----------
+    As for `three_view`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from bearslam import simulate, three_view_batch
+    >>> scenes = [simulate("mixed", 3, 9, noise=0.01, seed=seed).bearings for seed in range(100)]
+    >>> found = three_view_batch(np.stack(scenes))
+    >>> found.poses.shape, found.landmarks.shape
+    ((100, 2, 3, 3), (100, 2, 9, 2))
+    """
+    array = floats("bearings", bearings, ("k", 3, "n"))
+    needed = LANDMARKS[choice("method", method, THREE_VIEW_METHODS)]
+    count, _, landmarks = array.shape
+    if landmarks < needed:
+        raise InvalidInputError(f"bearings: expected at least {needed} landmarks, got {landmarks}")
+    poses, points, inconsistent, cost, near_collinear = _core.three_view_batch(
+        array, method, whole("reweights", reweights, 0)
+    )
+    return ThreeViewBatch(
+        poses.reshape(count, 2, 3, 3), points.reshape(count, 2, landmarks, 2), inconsistent, cost, near_collinear
+    )
 
 
 def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrated", reweights: int = 2) -> FloatArray:

@@ -77,6 +77,10 @@ fn entries(
             ),
         ));
     }
+    // Arrays in C order in one go.
+    if let Ok(slice) = array.as_slice() {
+        return Ok(slice.to_vec());
+    }
     Ok(array.as_array().iter().copied().collect())
 }
 

@@ -143,3 +143,34 @@ def test_what_comes_back_can_be_read():
     assert first.poses[0].tolist() == [0.0, 0.0, 0.0]
     assert np.hypot(*first.poses[1, :2]) == pytest.approx(1.0)
     assert "9 landmarks" in repr(first)
+
+
+@pytest.mark.parametrize(("method", "landmarks"), [("calibrated", 5), ("calibrated", 12), ("projective", 9)])
+def test_a_batch_is_each_problem_by_itself(method, landmarks):
+    stack = np.stack([bearslam.simulate("mixed", 3, landmarks, noise=0.01, seed=seed).bearings for seed in range(200)])
+    found = bearslam.three_view_batch(stack, method=method)
+    assert len(found) == 200
+    for k, bearings in enumerate(stack):
+        solutions = bearslam.three_view(bearings, method=method)
+        for branch, solution in enumerate(solutions):
+            assert np.array_equal(found.poses[k, branch], solution.poses)
+            assert np.array_equal(found.landmarks[k, branch], solution.landmarks)
+            assert found.inconsistent[k, branch] == solution.inconsistent
+            assert found.cost[k, branch] == solution.cost
+            assert found.near_collinear[k] == solution.near_collinear
+        assert np.isnan(found.poses[k, len(solutions) :]).all()
+
+
+def test_a_degenerate_problem_of_a_batch_is_nan():
+    wall = np.arctan2(2.0, np.linspace(-3, 3, 9) - np.array([[0.0], [1.0], [-0.5]]))
+    scene = bearslam.simulate("mixed", 3, 9, noise=0.0, seed=1).bearings
+    found = bearslam.three_view_batch([scene, wall, scene])
+    assert np.isnan(found.poses[1]).all()
+    assert (found.inconsistent[1] == -1).all()
+    assert np.array_equal(found.poses[0], found.poses[2])
+    assert "2 of 3" in repr(found)
+    assert bearslam.three_view_batch(np.empty((0, 3, 9))).poses.shape == (0, 2, 3, 3)
+    with pytest.raises(bearslam.InvalidInputError, match="at least 5 landmarks, got 4"):
+        bearslam.three_view_batch(np.zeros((2, 3, 4)))
+    with pytest.raises(bearslam.InvalidInputError, match="finite"):
+        bearslam.three_view_batch(np.full((2, 3, 6), np.nan))

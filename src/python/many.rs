@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Many small problems in one call.
+
+use super::convert::{self, Floats};
+use super::method;
+use crate::{Bearing, ThreeView, Triple};
+use alloc::vec::Vec;
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+/// Poses (k, 18), landmarks (k, 4 n), inconsistent (k, 2), cost (k, 2), near collinear (k,).
+type Solutions<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<i64>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+/// Many three-view problems, bearings (k, 3, n), over all cores: both solutions of each, NaN and -1
+/// where there is none.
+#[pyfunction]
+pub fn three_view_batch<'py>(
+    py: Python<'py>,
+    bearings: Floats<'py>,
+    method: &str,
+    reweights: usize,
+) -> PyResult<Solutions<'py>> {
+    let flat = convert::finite(py, "bearings", &bearings, &[None, Some(3), None])?;
+    let shape = bearings.shape();
+    let (count, landmarks) = (shape[0], shape[2]);
+    let method = self::method(py, method, reweights)?;
+    let poses = PyArray2::zeros(py, [count, 18], false);
+    let points = PyArray2::zeros(py, [count, 4 * landmarks], false);
+    let inconsistent = PyArray2::zeros(py, [count, 2], false);
+    let cost = PyArray2::zeros(py, [count, 2], false);
+    let near_collinear = PyArray1::zeros(py, count, false);
+    {
+        let mut poses = poses.readwrite();
+        let mut points = points.readwrite();
+        let mut inconsistent = inconsistent.readwrite();
+        let mut cost = cost.readwrite();
+        let mut near_collinear = near_collinear.readwrite();
+        let problems = (
+            flat.par_chunks((3 * landmarks).max(1)),
+            poses.as_slice_mut()?.par_chunks_mut(18),
+            points
+                .as_slice_mut()?
+                .par_chunks_mut((4 * landmarks).max(1)),
+            inconsistent.as_slice_mut()?.par_chunks_mut(2),
+            cost.as_slice_mut()?.par_chunks_mut(2),
+            near_collinear.as_slice_mut()?,
+        )
+            .into_par_iter()
+            .with_min_len(MIN_SHARE);
+        py.detach(|| {
+            problems.for_each_init(
+                || Vec::with_capacity(landmarks),
+                |triples, (bearings, poses, points, inconsistent, cost, near_collinear)| {
+                    triples.clear();
+                    triples.extend((0..landmarks).map(|j| {
+                        [0, 1, 2].map(|view| Bearing::new(bearings[view * landmarks + j]))
+                    }));
+                    poses.fill(f64::NAN);
+                    points.fill(f64::NAN);
+                    inconsistent.fill(-1);
+                    cost.fill(f64::NAN);
+                    if let Ok(solution) = crate::three_view(triples, method) {
+                        *near_collinear = solution.near_collinear;
+                        write(&solution, triples, poses, points, inconsistent, cost);
+                    }
+                },
+            );
+        });
+    }
+    Ok((poses, points, inconsistent, cost, near_collinear))
+}
+
+/// Problems that one thread takes at least.
+const MIN_SHARE: usize = 64;
+
+fn write(
+    solution: &ThreeView<f64>,
+    triples: &[Triple<f64>],
+    poses: &mut [f64],
+    points: &mut [f64],
+    inconsistent: &mut [i64],
+    cost: &mut [f64],
+) {
+    let branches = if solution.flattened { 1 } else { 2 };
+    for (branch, motion) in solution.motions[..branches].iter().enumerate() {
+        for (view, pose) in motion.poses.iter().enumerate() {
+            poses[9 * branch + 3 * view..][..3].copy_from_slice(&convert::triplet(pose));
+        }
+        for (j, triple) in triples.iter().enumerate() {
+            if let Some(point) = motion.landmark(triple) {
+                points[2 * (branch * triples.len() + j)..][..2]
+                    .copy_from_slice(&[point.x, point.y]);
+            }
+        }
+        inconsistent[branch] = i64::try_from(motion.inconsistent).unwrap_or(i64::MAX);
+        cost[branch] = motion.cost;
+    }
+}
