@@ -102,7 +102,7 @@ fn against_the_bound(scenes: u64) {
                     row(
                         3,
                         landmarks,
-                        &format!("closed form, {reweights} reweights"),
+                        &format!("closed form, reweighted {reweights} times"),
                         &|scene| closed_form(scene, landmarks, reweights),
                     );
                 }

@@ -103,7 +103,8 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
             && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
     }
 
-    /// Lets the best of the unfinished go on to their minima; `all` of them, however bad.
+    /// Lets the best of the unfinished go on to their minima; with `all`, every one that may be as good as
+    /// the best minimum.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
@@ -113,15 +114,16 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
         let total = if all { unfinished.len() } else { MAX_FINISHED };
         let mut done = 0;
         for found in unfinished {
-            let hopeless = self
-                .minima
-                .iter()
-                .any(|(other, _)| found.cost > other.cost * T::lit(HOPELESS));
+            // Of exact bearings there may be several exact maps.
+            let hopeless = self.minima.iter().any(|(other, _)| {
+                other.termination != Termination::ZeroResidual
+                    && found.cost > other.cost * T::lit(HOPELESS)
+            });
             let known = self
                 .minima
                 .iter()
                 .any(|(other, _)| same(&other.map, &found.map));
-            if all || (done < total && !hopeless && !known) {
+            if !hopeless && (all || (done < total && !known)) {
                 let used = found.iterations;
                 let left = self.options.max_iterations.saturating_sub(used);
                 if let Some(found) = self.refine(found.map, left, used, (done, total))? {
@@ -131,6 +133,13 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
             }
         }
         Ok(())
+    }
+
+    /// Whether one of the minima explains the bearings to rounding.
+    pub fn has_exact(&self) -> bool {
+        self.minima
+            .iter()
+            .any(|(found, _)| found.termination == Termination::ZeroResidual)
     }
 
     /// Tries single landmarks of the best minimum in other places, as long as that makes it better.

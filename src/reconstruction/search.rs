@@ -29,6 +29,8 @@ pub struct Hypotheses<T: Real> {
     /// Whether the problem has one solution in general: more than three views, more than four
     /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
     pub unique: bool,
+    /// Whether they come from four landmarks, where every minimum counts.
+    pub four: bool,
     /// Triples of views, the best conditioned first, for a wider search.
     triples: Vec<[usize; 3]>,
 }
@@ -118,6 +120,7 @@ pub fn search<T: Real>(
     Ok(Hypotheses {
         maps,
         unique: !four && problem.views() > 3,
+        four,
         triples: seeds.into_iter().map(|(_, _, views)| views).collect(),
     })
 }
@@ -128,6 +131,7 @@ impl<T: Real> Hypotheses<T> {
         Self {
             maps: maps.map(|map| Hypothesis { map, triple: 0 }).into(),
             unique: false,
+            four: false,
             triples: Vec::new(),
         }
     }

@@ -162,11 +162,15 @@ pub fn solve<T: Real>(
             minima.finish(true)?;
             minima.into_found()?
         }
-        // Every minimum counts where there may be several exact ones.
-        Strategy::Search(_) if !hypotheses.unique => {
+        // Three views, or four landmarks: several minima may be exact.
+        Strategy::Search(search) if !hypotheses.unique => {
             let mut minima = Minima::new(problem, &options.refine, &mut progress);
             minima.try_out(maps, false)?;
-            minima.finish(true)?;
+            if !minima.has_exact() && search.swept > 0 {
+                let maps = hypotheses.widened(problem, search.swept, minima.progress)?;
+                minima.try_out(maps.into_iter().take(2 * search.candidates), false)?;
+            }
+            minima.finish(hypotheses.four)?;
             minima.move_landmarks()?;
             minima.into_found()?
         }

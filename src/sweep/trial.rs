@@ -71,7 +71,7 @@ pub struct Trial {
     pub outcomes: Vec<Outcome>,
     /// The cost of the refinement that starts at the truth.
     pub from_truth: f64,
-    /// The least errors possible; `None` when the bearings do not determine the map.
+    /// The least errors possible; `None` without noise, or when the bearings do not determine the map.
     pub bound: Option<Bound>,
 }
 
@@ -182,7 +182,8 @@ impl Trial {
         Ok(Self {
             outcomes,
             from_truth,
-            bound: scene.bound(cell.noise),
+            // Exact bearings have no bound to compare with.
+            bound: scene.bound(cell.noise).filter(|_| cell.noise > 0.0),
         })
     }
 }
