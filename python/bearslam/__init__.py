@@ -14,25 +14,37 @@ True
 
 from bearslam._core import __version__
 from bearslam.align import Similarity, align
-from bearslam.errors import BearslamError, DegenerateError, InvalidInputError
+from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
 from bearslam.files import load, save
 from bearslam.problem import Problem, Sightings
 from bearslam.reconstruction import Reconstruction, Undetermined
 from bearslam.resect import resect
 from bearslam.simulate import Scene, simulate
 from bearslam.solve import initialize, refine, solve
-from bearslam.three_view import ThreeViewSolution, epipoles, three_view, trifocal_tensor
+from bearslam.sweep import sweep
+from bearslam.sweep_result import SweepResult
+from bearslam.three_view import (
+    ThreeViewBatch,
+    ThreeViewSolution,
+    epipoles,
+    three_view,
+    three_view_batch,
+    trifocal_tensor,
+)
 from bearslam.triangulate import triangulate
 
 __all__ = [
     "BearslamError",
     "DegenerateError",
+    "ExecutorError",
     "InvalidInputError",
     "Problem",
     "Reconstruction",
     "Scene",
     "Sightings",
     "Similarity",
+    "SweepResult",
+    "ThreeViewBatch",
     "ThreeViewSolution",
     "Undetermined",
     "__version__",
@@ -45,7 +57,9 @@ __all__ = [
     "save",
     "simulate",
     "solve",
+    "sweep",
     "three_view",
+    "three_view_batch",
     "triangulate",
     "trifocal_tensor",
 ]

@@ -10,15 +10,16 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NoReturn
 
+from bearslam import sweep_cli
 from bearslam._core import __version__
+from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
-from bearslam.files import MAPS, kind, load, save, save_truth
+from bearslam.files import MAPS, load, save, save_truth
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
-from bearslam.report import describe, listing, percent, printable
+from bearslam.report import describe, listing, percent
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
 from bearslam.solve import METHODS, solve
@@ -31,6 +32,7 @@ examples:
   bearslam simulate mixed 4 9 --noise-deg 2 -o scene.csv
   bearslam solve scene.csv -o map.json --plot map.png
   bearslam simulate enclosed 4 9 | bearslam solve -
+  bearslam sweep mixed --trials 10 -o sweep.csv --plot failures.png
 """
 
 SOLVE = """\
@@ -68,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # names may have letters that a terminal has not
     options = _parser().parse_args(arguments)
     try:
-        options.run(options)
+        code: int | None = options.run(options)
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:
@@ -76,20 +78,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
-        return _complain("interrupted", 130)
+        return complain("interrupted", 130)
     except OSError as error:
         where = "" if error.filename is None else f"{error.filename}: "
-        return _complain(f"error: {where}{error.strerror or error}")
+        return complain(f"error: {where}{error.strerror or error}")
     except MemoryError:
-        return _complain("error: not enough memory")
+        return complain("error: not enough memory")
     except (BearslamError, ImportError) as error:
-        return _complain(f"error: {error}")
-    return 0
-
-
-def _complain(message: str, code: int = 1) -> int:
-    print(f"bearslam: {printable(message, 1000)}", file=sys.stderr)
-    return code
+        return complain(f"error: {error}")
+    return code or 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -103,6 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
     _add_solve(verbs)
     _add_simulate(verbs)
+    sweep_cli.add(verbs)
     _add_demo(verbs)
     return parser
 
@@ -165,12 +163,12 @@ def _add_demo(verbs: argparse._SubParsersAction[_Parser]) -> None:
 
 
 def _solve(options: argparse.Namespace) -> None:
-    _writable(options.output, MAPS)
+    writable(options.output, MAPS)
     if options.plot is not None:
         from bearslam.plot import FORMATS, draw_to_file
 
-        _writable(options.plot, FORMATS)
-    if options.output is not None and _same(options.output, options.file):
+        writable(options.plot, FORMATS)
+    if options.output is not None and same(options.output, options.file):
         raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
     if options.file != "-":
         problem = load(options.file)
@@ -193,18 +191,18 @@ def _solve(options: argparse.Namespace) -> None:
     if options.output is None:
         print("", listing(result), sep="\n")
     if not result.converged:
-        _complain(f"warning: not converged ({result.termination.replace('_', ' ')})")
+        complain(f"warning: not converged ({result.termination.replace('_', ' ')})")
     if result.uncertainty > DOUBTFUL:
-        _complain(
+        complain(
             "warning: the bearings hardly determine this map: for residuals as large as these it is uncertain by "
             f"{percent(result.uncertainty)} of its size; add sightings, of other landmarks or from other places"
         )
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    _writable(options.output, (".csv",))
-    _writable(options.truth, MAPS)
-    if options.output is not None and options.truth is not None and _same(options.output, options.truth):
+    writable(options.output, (".csv",))
+    writable(options.truth, MAPS)
+    if options.output is not None and options.truth is not None and same(options.output, options.truth):
         raise InvalidInputError(f"{options.truth}: bearings and truth would replace each other")
     scene = simulate(
         options.layout,
@@ -237,15 +235,3 @@ def _sigma(problem: Problem, sigma_deg: float) -> float:
     if not 0 < sigma_deg < math.inf:
         raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {sigma_deg:g}")
     return math.radians(sigma_deg)
-
-
-def _same(one: str, other: str) -> bool:
-    return os.path.realpath(one) == os.path.realpath(other)
-
-
-def _writable(path: str | None, suffixes: Sequence[str]) -> None:
-    # Before the work rather than after it.
-    if path is not None:
-        kind(path, suffixes)
-        if not Path(path).parent.is_dir():
-            raise InvalidInputError(f"{path}: there is no folder {str(Path(path).parent)!r}")

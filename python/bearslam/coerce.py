@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from bearslam.errors import InvalidInputError
 
 __all__ = [
+    "SEED_LIMIT",
     "FloatArray",
     "IntArray",
     "Progress",
@@ -33,6 +34,8 @@ IntArray: TypeAlias = NDArray[np.int64]
 Progress: TypeAlias = Callable[[str, int, int], object]
 """Called with the stage, the steps done and the steps in all."""
 
+SEED_LIMIT = 2**64 - 1
+"""The largest seed."""
 INDEX_LIMIT = 2**24
 """Views or landmarks in one problem: an index above it is an identifier that nobody has numbered from 0."""
 
@@ -91,13 +94,12 @@ def quote(value: object) -> str:
     return text if len(text) <= 100 else f"{text[:80]}... ({len(text)} characters)"
 
 
-def whole(name: str, value: SupportsIndex, low: int) -> int:
-    """Integer from `low` to the largest that every 64-bit integer can hold."""
+def whole(name: str, value: SupportsIndex, low: int, high: int = 2**63 - 1) -> int:
+    """Integer from `low` to `high`, by default the largest that every 64-bit integer can hold."""
     try:
         number = operator.index(value)
     except TypeError:
         raise InvalidInputError(f"{name}: expected an integer, got {quote(value)}") from None
-    high = 2**63 - 1
     if isinstance(value, bool | np.bool_) or not low <= number <= high:
         raise InvalidInputError(f"{name}: expected an integer from {low} to {high}, got {quote(value)}")
     return number

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["BearslamError", "DegenerateError", "InvalidInputError"]
+if TYPE_CHECKING:
+    from bearslam.sweep_result import SweepResult
+
+__all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
 
 
 class BearslamError(Exception):
@@ -45,3 +48,22 @@ class DegenerateError(BearslamError, ArithmeticError):
         # The keyword-only arguments would be lost in the way exceptions are pickled by default.
         make = partial(type(self), quantity=self.quantity, value=self.value, bound=self.bound)
         return make, self.args, self.__dict__
+
+
+class ExecutorError(BearslamError, RuntimeError):
+    """An executor that takes no more work, or fails at the same piece again and again.
+
+    Parameters
+    ----------
+    message : str
+        What happened.
+    result : SweepResult
+        What had been done until then.
+    """
+
+    def __init__(self, message: str, *, result: SweepResult) -> None:
+        super().__init__(message)
+        self.result = result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), result=self.result), self.args, self.__dict__

@@ -1,14 +1,33 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A line that tells how far long work has come, on a terminal."""
+"""Lines that tell how far long work has come, on a terminal."""
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TextIO
 
-__all__ = ["ProgressLine"]
+from bearslam.coerce import Progress
+
+__all__ = ["ProgressLine", "telling"]
+
+
+@contextmanager
+def telling(progress: bool | Progress | None, stage: str, done: int, total: int) -> Iterator[Callable[[int], object]]:
+    """Something to call with the number of steps done: it tells a function about them, or shows a bar on a terminal."""
+    if callable(progress):
+        yield lambda now: progress(stage, now, total)
+    elif progress and sys.stderr is not None:
+        from tqdm import tqdm
+
+        # With None as `disable` there is no bar where standard error is not a terminal.
+        with tqdm(total=total, initial=done, unit=f" {stage}", unit_scale=True, disable=None) as bar:
+            yield lambda now: bar.update(now - bar.n)
+    else:
+        yield lambda now: None
 
 
 class ProgressLine:

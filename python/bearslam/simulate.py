@@ -10,11 +10,11 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from bearslam import _core
-from bearslam.coerce import FloatArray, choice, real, whole
+from bearslam.coerce import SEED_LIMIT, FloatArray, choice, real, whole
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Sightings
 
-__all__ = ["LAYOUTS", "Layout", "Scene", "simulate"]
+__all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]
 
 Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
 LAYOUTS = ("mixed", "enclosed", "trajectory")
@@ -110,7 +110,7 @@ def simulate(
         views,
         landmarks,
         real("noise", noise, 0.0, 2 * math.pi),
-        whole("seed", seed, 0),
+        whole("seed", seed, 0, SEED_LIMIT),
         real("width", width, 0.0, LARGEST, above=True),
         real("height", height, 0.0, LARGEST, above=True),
         real("sight", sight, 0.0, above=True, infinite=True),

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Files that hold the result of a sweep: arrays or text."""
+
+from __future__ import annotations
+
+import os
+
+from bearslam import sweep_csv, sweep_npz
+from bearslam.atomic import replacing
+from bearslam.files import kind
+from bearslam.sweep_result import SweepResult
+
+__all__ = ["RESULTS", "load", "save"]
+
+RESULTS = (".npz", ".csv")
+"""Endings of the files that hold results of sweeps."""
+
+
+def save(result: SweepResult, path: str | os.PathLike[str]) -> None:
+    """See `SweepResult.save`."""
+    write = sweep_csv.write if kind(path, RESULTS) == ".csv" else sweep_npz.write
+    with replacing(path) as file:
+        write(result, file)
+
+
+def load(path: str | os.PathLike[str]) -> SweepResult:
+    """See `SweepResult.load`."""
+    read = sweep_csv.read if kind(path, RESULTS) == ".csv" else sweep_npz.read
+    with open(path, "rb") as file:
+        return read(file, os.fspath(path))

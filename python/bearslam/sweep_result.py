@@ -1,0 +1,394 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""What a sweep has found out, with names on every axis."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from bearslam import _core
+from bearslam.coerce import FloatArray, IntArray, choice, quote, whole
+from bearslam.errors import InvalidInputError
+from bearslam.simulate import Layout, Scene, simulate
+from bearslam.sweep_grid import AXES, Grid, Start
+from bearslam.sweep_statistics import Statistics, Total, confident
+from bearslam.sweep_tally import COUNTS, Tally
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+__all__ = ["SweepResult"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
+    """Failures, errors, iterations and time of every start in every cell of a sweep.
+
+    A cell is one combination of layout, noise, views and landmarks. A statistic is a dict that gives for every start
+    an array of shape (noise, views, landmarks), or (layout, noise, views, landmarks) if the layouts of the sweep were
+    given as a sequence. Cells in which nothing has been done are NaN.
+
+    Attributes
+    ----------
+    grid : Grid
+        The cells and the starts.
+    trials : int
+        Trials of every cell that were asked for.
+    seeds : tuple of int
+        The seed; several after `merge`.
+    tally : Tally
+        The whole numbers that everything else is computed from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from bearslam import sweep
+    >>> result = sweep("mixed", views=[4, 6], landmarks=[7, 9], noise=np.radians([0.5, 1]), trials=20)
+    >>> result
+    <SweepResult: 1 layout, 2 noises, 2 views, 2 landmarks, 3 starts; 160 of 160 scenes>
+    >>> result.failure_rate["solve"].shape
+    (2, 2, 2)
+    >>> result.total("random").failures > result.total("solve").failures
+    True
+    """
+
+    grid: Grid
+    trials: int
+    seeds: tuple[int, ...]
+    tally: Tally
+
+    def __repr__(self) -> str:
+        counts = [
+            f"{len(values)} {word if len(values) == 1 else plural}"
+            for word, plural, values in (
+                ("layout", "layouts", self.layout),
+                ("noise", "noises", self.noise),
+                ("views", "views", self.views),
+                ("landmarks", "landmarks", self.landmarks),
+                ("start", "starts", self.start),
+            )
+        ]
+        done, total = int(self.done.sum()), self.trials * self.grid.cells
+        return f"<SweepResult: {', '.join(counts)}; {done} of {total} scenes>"
+
+    @property
+    def layout(self) -> tuple[Layout, ...]:
+        """The layouts."""
+        return self.grid.layout
+
+    @property
+    def noise(self) -> FloatArray:
+        """The standard deviations of the bearings [rad]."""
+        return np.array(self.grid.noise)
+
+    @property
+    def views(self) -> IntArray:
+        """The numbers of views."""
+        return np.array(self.grid.views)
+
+    @property
+    def landmarks(self) -> IntArray:
+        """The numbers of landmarks."""
+        return np.array(self.grid.landmarks)
+
+    @property
+    def start(self) -> tuple[Start, ...]:
+        """The starts that were compared."""
+        return self.grid.start
+
+    @property
+    def done(self) -> IntArray:
+        """Trials that have been done in every cell, each from all starts."""
+        counts = self.tally.counts[:: len(self.start), COUNTS.index("trials")]
+        return counts.copy().reshape(self.grid.shape[1:] if self.grid.single else self.grid.shape)
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was asked for has been done; not so after an interruption."""
+        return bool((self.done == self.trials).all())
+
+    def failure_interval(self, confidence: float = 0.95) -> Mapping[str, FloatArray]:
+        """Interval in which the true failure rate lies, by the score test (Wilson).
+
+        Parameters
+        ----------
+        confidence : float
+            Above 0 and below 1.
+
+        Returns
+        -------
+        dict of str to (..., 2) ndarray
+            The lower and the upper end, for every start.
+
+        Raises
+        ------
+        InvalidInputError
+            If the confidence is out of range.
+
+        References
+        ----------
+        Wilson, Journal of the American Statistical Association 22, 1927.
+        """
+        return self._reals(self.tally.failure_interval(confident(confidence)))
+
+    def total(
+        self,
+        start: Start,
+        *,
+        layout: Layout | None = None,
+        noise: float | None = None,
+        views: int | None = None,
+        landmarks: int | None = None,
+    ) -> Total:
+        """The same statistics of all cells together, or of those with a certain layout, noise, views or landmarks.
+
+        Parameters
+        ----------
+        start : str
+            One of the starts of the sweep.
+        layout, noise, views, landmarks
+            Which cells; one of the values of the sweep, or None for all.
+
+        Returns
+        -------
+        Total
+            With numbers where the result of the sweep has arrays.
+
+        Raises
+        ------
+        InvalidInputError
+            If the sweep has no such start or value.
+        """
+        of = self.start.index(choice("start", start, self.start))
+        chosen = np.ones(self.grid.shape, dtype=bool)
+        for axis, (name, value) in enumerate(zip(AXES, (layout, noise, views, landmarks), strict=True)):
+            if value is not None:
+                mask = np.zeros(self.grid.shape[axis], dtype=bool)
+                mask[self._index(name, value)] = True
+                chosen &= mask.reshape([-1 if other == axis else 1 for other in range(4)])
+        to = np.full((self.grid.cells, len(self.start)), -1)
+        to[chosen.ravel(), of] = 0
+        return Total(self.tally.regrouped(to.ravel(), 1))
+
+    def scene(
+        self, trial: int, *, layout: Layout, noise: float, views: int, landmarks: int, seed: int | None = None
+    ) -> Scene:
+        """Draw the scene of a trial again.
+
+        Parameters
+        ----------
+        trial : int
+            Its number, from 0.
+        layout, noise, views, landmarks
+            The cell: values of the sweep.
+        seed : int, optional
+            Which of the `seeds`; by default the first.
+
+        Returns
+        -------
+        Scene
+            The scene, to solve and look at.
+
+        Raises
+        ------
+        InvalidInputError
+            If the sweep has no such cell or seed.
+        """
+        own = self.seeds[0] if seed is None else seed
+        if own not in self.seeds:
+            raise InvalidInputError(f"seed: expected one of the sweep, {quote(self.seeds)}, got {quote(seed)}")
+        cell = (
+            self.grid.layout[self._index("layout", layout)],
+            self.grid.views[self._index("views", views)],
+            self.grid.landmarks[self._index("landmarks", landmarks)],
+        )
+        exact = self.grid.noise[self._index("noise", noise)]
+        drawn = _core.scene_seed(*cell, exact, own, whole("trial", trial, 0))
+        return simulate(*cell, noise=exact, seed=drawn)
+
+    def merge(self, other: SweepResult) -> SweepResult:
+        """Both sweeps together: the same cells and starts, other seeds.
+
+        Parameters
+        ----------
+        other : SweepResult
+            With other scenes, which it has by another seed.
+
+        Returns
+        -------
+        SweepResult
+            With the trials of both.
+
+        Raises
+        ------
+        InvalidInputError
+            If the cells or starts differ, or a seed is in both: the same scenes would count twice.
+        """
+        if not isinstance(other, SweepResult):
+            raise InvalidInputError(f"other: expected the result of a sweep, got {quote(other)}")
+        difference = self.grid.difference(other.grid)
+        if difference is not None:
+            raise InvalidInputError(f"other: expected a sweep of the same kinds of scenes, got {difference}")
+        common = set(self.seeds) & set(other.seeds)
+        if common:
+            raise InvalidInputError(f"other: expected a sweep with another seed, got {min(common)} again")
+        together = self.tally.plus([(0, other.tally.counts, other.tally.bins())])
+        return SweepResult(self.grid, self.trials + other.trials, self.seeds + other.seeds, together)
+
+    def identical(self, other: SweepResult, *, times: bool = False) -> bool:
+        """Whether another sweep has the same cells, starts, trials, seeds, and found the same, bit by bit.
+
+        Parameters
+        ----------
+        other : SweepResult
+            The other.
+        times : bool
+            Whether the times have to be the same as well, which they are only in copies.
+
+        Returns
+        -------
+        bool
+            True if so.
+        """
+        counted = slice(None) if times else slice(0, COUNTS.index("nanoseconds"))
+        return (
+            (self.grid, self.trials, self.seeds) == (other.grid, other.trials, other.seeds)
+            and np.array_equal(self.tally.counts[:, counted], other.tally.counts[:, counted])
+            and np.array_equal(self.tally.keys, other.tally.keys)
+            and np.array_equal(self.tally.sizes, other.tally.sizes)
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write everything to a file that `load` reads: arrays to `.npz`, a table with a line for each cell to `.csv`.
+
+        An existing file is replaced in one step, never left half written.
+
+        Raises
+        ------
+        InvalidInputError
+            If the name ends in neither.
+        OSError
+            If it cannot be written.
+        """
+        from bearslam.sweep_file import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> SweepResult:
+        """Read a file that `save` has written.
+
+        Parameters
+        ----------
+        path : str or path
+            Ends in `.npz` or `.csv`.
+
+        Returns
+        -------
+        SweepResult
+            The same, bit by bit.
+
+        Raises
+        ------
+        InvalidInputError
+            If the file is damaged, or no result of a sweep; with file and line.
+        OSError
+            If it cannot be read.
+        """
+        from bearslam.sweep_file import load
+
+        return load(path)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A table with a row for each cell and start.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Layout, noise, views, landmarks and start, then what there is to tell. Angles are radians, in `_deg` columns
+            degrees.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        from bearslam.sweep_table import to_pandas
+
+        return to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The statistics over layout, noise, views, landmarks and start.
+
+        Returns
+        -------
+        xarray.Dataset
+            With these five dimensions, whatever the layout was given as.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed.
+        """
+        from bearslam.sweep_table import to_xarray
+
+        return to_xarray(self)
+
+    def plot(self, kind: Literal["failures", "errors"] = "failures", **options: Any) -> Figure:
+        """Draw the sweep.
+
+        Parameters
+        ----------
+        kind : {"failures", "errors"}
+            "failures": how many of the trials fail, as heat maps over views and landmarks, a column for each start, a
+            row for each noise and layout. "errors": errors against noise, and how they compare with the bound.
+        **options
+            Of `bearslam.sweep_plot.draw_failures` or `bearslam.sweep_plot.draw_errors`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The picture.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed (``pip install "bearslam[plot]"``).
+        InvalidInputError
+            If an option is out of range.
+        """
+        from bearslam.sweep_plot import draw_errors, draw_failures
+
+        if choice("kind", kind, ("failures", "errors")) == "failures":
+            return draw_failures(self, **options)
+        return draw_errors(self, **options)
+
+    def _index(self, name: str, value: object) -> int:
+        """Where a value is along an axis; a noise need not be the same to the last bit."""
+        known = getattr(self.grid, name)
+        for index, one in enumerate(known):
+            if one == value or (
+                name == "noise" and isinstance(value, float | np.floating) and abs(one - value) <= 1e-9 * one
+            ):
+                return index
+        raise InvalidInputError(f"{name}: expected one of the sweep, {quote(known)}, got {quote(value)}")
+
+    def _shaped(self, values: FloatArray | IntArray) -> dict[str, Any]:
+        shape = self.grid.shape[1:] if self.grid.single else self.grid.shape
+        by_start = values.reshape(self.grid.cells, len(self.start), *values.shape[1:])
+        return {
+            start: by_start[:, index].copy().reshape(*shape, *values.shape[1:])
+            for index, start in enumerate(self.start)
+        }
+
+    def _reals(self, values: FloatArray) -> Mapping[str, FloatArray]:
+        return self._shaped(values)
+
+    def _wholes(self, values: IntArray) -> Mapping[str, IntArray]:
+        return self._shaped(values)

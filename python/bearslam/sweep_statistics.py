@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""What is told of trials: of those of every cell, or of many cells together."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+from bearslam.coerce import FloatArray, IntArray, choice, quote, real
+from bearslam.errors import InvalidInputError
+from bearslam.sweep_tally import (
+    FAILURES,
+    INCOMPLETE,
+    ITERATIONS,
+    NANOSECONDS,
+    QUANTITIES,
+    WITHOUT_MAP,
+    Quantity,
+    Tally,
+)
+
+__all__ = ["Statistics", "Total", "confident"]
+
+Reals = TypeVar("Reals", covariant=True)
+Wholes = TypeVar("Wholes", covariant=True)
+
+
+class Statistics(Generic[Reals, Wholes]):
+    """Numbers that are made from a tally; NaN where nothing has been done."""
+
+    tally: Tally
+
+    def _reals(self, values: FloatArray) -> Reals:
+        """Numbers of all groups in the shape in which they are told."""
+        raise NotImplementedError
+
+    def _wholes(self, values: IntArray) -> Wholes:
+        """The same for integers."""
+        raise NotImplementedError
+
+    @property
+    def failures(self) -> Wholes:
+        """Trials that did not end in the least cost known for their scene.
+
+        The least over all starts of the sweep and the refinement that starts at the truth; a trial has failed that
+        found no map, or one whose cost is higher by more than 1e-5 of it.
+        """
+        return self._wholes(self.tally.counts[:, FAILURES])
+
+    @property
+    def failure_rate(self) -> Reals:
+        """Failures over trials."""
+        return self._reals(self.tally.share(FAILURES))
+
+    @property
+    def without_map(self) -> Wholes:
+        """Trials that found no map at all; they are failures as well, and have no errors."""
+        return self._wholes(self.tally.counts[:, WITHOUT_MAP])
+
+    @property
+    def incomplete(self) -> Wholes:
+        """Trials whose map leaves a view or a landmark undetermined, if only its range."""
+        return self._wholes(self.tally.counts[:, INCOMPLETE])
+
+    @property
+    def mean_iterations(self) -> Reals:
+        """Linear systems solved per trial, in the refinement that won."""
+        return self._reals(self.tally.share(ITERATIONS))
+
+    @property
+    def mean_seconds(self) -> Reals:
+        """Time per trial, start and refinement, on one core; it varies from run to run [s]."""
+        return self._reals(self.tally.share(NANOSECONDS) * 1e-9)
+
+    def quantile(self, quantity: Quantity, q: float) -> Reals:
+        """The value below which a share `q` of the trials lies, to half a percent.
+
+        Parameters
+        ----------
+        quantity : {"position", "heading", "position_ratio", "heading_ratio"}
+            The root-mean-square error of the positions of views and landmarks [m] or of the headings [rad], after the
+            similarity that fits all positions best; or these over their Cramer-Rao bounds. Failures count.
+        q : float
+            From 0 to 1.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such quantity, or `q` is out of range.
+        """
+        index = QUANTITIES.index(choice("quantity", quantity, QUANTITIES))
+        return self._reals(self.tally.quantile(index, real("q", q, 0.0, 1.0)))
+
+    @property
+    def position_median(self) -> Reals:
+        """Median of the position errors [m]."""
+        return self.quantile("position", 0.5)
+
+    @property
+    def position_p90(self) -> Reals:
+        """90th percentile of the position errors [m]."""
+        return self.quantile("position", 0.9)
+
+    @property
+    def heading_median(self) -> Reals:
+        """Median of the heading errors [rad]."""
+        return self.quantile("heading", 0.5)
+
+    @property
+    def heading_p90(self) -> Reals:
+        """90th percentile of the heading errors [rad]."""
+        return self.quantile("heading", 0.9)
+
+    @property
+    def position_ratio(self) -> Reals:
+        """Root mean square of the position errors over their Cramer-Rao bounds: near 1 is as good as can be.
+
+        NaN without noise, and where the bearings determine no map.
+        """
+        return self._reals(self.tally.root_mean_square(QUANTITIES.index("position_ratio")))
+
+    @property
+    def heading_ratio(self) -> Reals:
+        """The same of the heading errors."""
+        return self._reals(self.tally.root_mean_square(QUANTITIES.index("heading_ratio")))
+
+
+class Total(Statistics[float, int]):
+    """What is told of the trials of many cells together, from one start; see `SweepResult.total`."""
+
+    def __init__(self, tally: Tally) -> None:
+        self.tally = tally
+
+    def __repr__(self) -> str:
+        return f"<Total: {self.failures} failures in {self.trials} trials>"
+
+    @property
+    def trials(self) -> int:
+        """Trials done."""
+        return int(self.tally.counts[0, 0])
+
+    def failure_interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Wilson's interval of the failure rate; as for `SweepResult.failure_interval`."""
+        low, high = self.tally.failure_interval(confident(confidence))[0].tolist()
+        return low, high
+
+    def _reals(self, values: FloatArray) -> float:
+        return float(values[0])
+
+    def _wholes(self, values: IntArray) -> int:
+        return int(values[0])
+
+
+def confident(confidence: float) -> float:
+    """A confidence: above 0 and below 1."""
+    value = real("confidence", confidence, 0.0, 1.0, above=True)
+    if value == 1.0:
+        raise InvalidInputError(f"confidence: expected a number below 1, got {quote(confidence)}")
+    return value
