@@ -16,13 +16,13 @@ from bearslam._core import __version__
 from bearslam.align import Similarity, align
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
 from bearslam.files import load, save
+from bearslam.montecarlo.result import SweepResult
 from bearslam.problem import Problem, Sightings
 from bearslam.reconstruction import Reconstruction, Undetermined
 from bearslam.resect import resect
 from bearslam.simulate import Scene, simulate
 from bearslam.solve import initialize, refine, solve
 from bearslam.sweep import sweep
-from bearslam.sweep_result import SweepResult
 from bearslam.three_view import (
     ThreeViewBatch,
     ThreeViewSolution,

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from bearslam import sweep_cli
+from bearslam import cli_sweep
 from bearslam._core import __version__
 from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
@@ -100,7 +100,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
     _add_solve(verbs)
     _add_simulate(verbs)
-    sweep_cli.add(verbs)
+    cli_sweep.add(verbs)
     _add_demo(verbs)
     return parser
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bearslam.sweep_result import SweepResult
+    from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
 

@@ -7,18 +7,19 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
+from typing import Any
 
 from numpy.typing import ArrayLike
 
-from bearslam.checkpoint import Checkpoint
 from bearslam.coerce import SEED_LIMIT, IntArray, Progress, quote, whole
 from bearslam.errors import ExecutorError, InvalidInputError
-from bearslam.executors import HaltedError, run_here, run_on
-from bearslam.ledger import Ledger
+from bearslam.montecarlo.checkpoint import Checkpoint
+from bearslam.montecarlo.executors import HaltedError, run_here, run_on
+from bearslam.montecarlo.grid import Grid, Start, chunk_size, cut
+from bearslam.montecarlo.ledger import Ledger
+from bearslam.montecarlo.result import SweepResult
 from bearslam.progress import telling
 from bearslam.simulate import Layout
-from bearslam.sweep_grid import Grid, Start, chunk_size, cut
-from bearslam.sweep_result import SweepResult
 
 __all__ = ["sweep"]
 
@@ -152,7 +153,7 @@ def sweep(
     return SweepResult(grid, trials, (seed,), ledger.tally())
 
 
-def _check(executor: object, threads: int, progress: object, checkpoint: object) -> None:
+def _check(executor: Any, threads: int, progress: Any, checkpoint: Any) -> None:
     if executor is not None and (isinstance(executor, type) or not callable(getattr(executor, "submit", None))):
         raise InvalidInputError(f"executor: expected None or an executor with a method submit, got {quote(executor)}")
     if executor is not None and threads != 0:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam import InvalidInputError, _core, checkpoint
+from bearslam import InvalidInputError, _core
+from bearslam.montecarlo import checkpoint
 
 ARGUMENTS = {
     "layout": "mixed",
@@ -163,6 +164,14 @@ def newer_format(path):
     file.close()
 
 
+def lost_pages(path):
+    """A list of free pages that leads nowhere: nothing is wrong with what is there, but what comes would be."""
+    bearslam.sweep(**{**ARGUMENTS, "trials": 1}, checkpoint=path)
+    data = bytearray(path.read_bytes())
+    data[32:40] = (999_999).to_bytes(4, "big") + (5).to_bytes(4, "big")
+    path.write_bytes(data)
+
+
 def statement(text):
     def spoil(path):
         bearslam.sweep(**{**ARGUMENTS, "trials": 1}, checkpoint=path)
@@ -181,6 +190,7 @@ def statement(text):
             "expected a checkpoint of a sweep, got another",
         ),
         (other_database, "expected a checkpoint of a sweep, got another file"),
+        (lost_pages, "is damaged"),
         (newer_format, "expected format 1, got 7"),
         (statement("UPDATE chunk SET tally = x'00' WHERE cell = 1"), "is damaged: .*; delete it to begin anew"),
         (statement("UPDATE chunk SET tally = 'text'"), "is damaged"),

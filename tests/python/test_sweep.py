@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 import bearslam
-from bearslam import InvalidInputError, SweepResult, _core, ledger
-from bearslam.sweep_grid import Chunk, Grid, chunk_size, cut
-from bearslam.sweep_statistics import Total
-from bearslam.sweep_tally import COUNTS, Tally
+from bearslam import InvalidInputError, SweepResult, _core
+from bearslam.montecarlo import ledger
+from bearslam.montecarlo.grid import Chunk, Grid, chunk_size, cut
+from bearslam.montecarlo.statistics import Total
+from bearslam.montecarlo.tally import COUNTS, Tally
 
 GRID = {"layout": ["mixed", "enclosed"], "views": [4, 6], "landmarks": [7, 9], "noise": np.radians([0.1, 0.5])}
 FAST = {**GRID, "trials": 20, "starts": ("projective", "solve")}

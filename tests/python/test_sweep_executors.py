@@ -13,7 +13,7 @@ import pytest
 
 import bearslam
 from bearslam import ExecutorError, InvalidInputError
-from bearslam.executors import RETRIES
+from bearslam.montecarlo.executors import RETRIES
 
 ARGUMENTS = {
     "layout": "mixed",
@@ -107,7 +107,7 @@ def test_a_killed_process_ends_the_pool_but_not_the_result(expected):
 
 
 def test_a_pool_that_is_shut_down_meanwhile(monkeypatch):
-    monkeypatch.setattr("bearslam.executors.WINDOW", 4)
+    monkeypatch.setattr("bearslam.montecarlo.executors.WINDOW", 4)
     with ThreadPoolExecutor(2) as pool:
         with pytest.raises(ExecutorError, match="takes no more chunks: RuntimeError: cannot schedule") as caught:
             bearslam.sweep(**ARGUMENTS, executor=pool, progress=lambda *_: pool.shutdown(wait=False))
@@ -170,7 +170,7 @@ def test_an_interrupted_task_is_an_interruption():
 
 
 def test_few_tasks_wait_at_a_time(monkeypatch, expected):
-    monkeypatch.setattr("bearslam.executors.WINDOW", 5)
+    monkeypatch.setattr("bearslam.montecarlo.executors.WINDOW", 5)
     waiting = []
 
     class Counting(ThreadPoolExecutor):

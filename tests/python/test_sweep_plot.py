@@ -7,8 +7,8 @@ from matplotlib.colors import to_rgba
 
 import bearslam
 from bearslam import InvalidInputError
+from bearslam.montecarlo.plot import STROKES, draw_errors, draw_failures
 from bearslam.plot import save_figure
-from bearslam.sweep_plot import STROKES, draw_errors, draw_failures
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +43,7 @@ def test_failures_are_maps_with_numbers(result):
         rate = result.failure_rate[result.start[start]][row // 2, row % 2]
         np.testing.assert_array_equal(ax.images[0].get_array(), rate)
         assert numbers(ax) == [[f"{100 * share:.0f}" for share in line] for line in rate]
+        assert ax.images[0].origin == "lower"
         assert ax.images[0].get_clim() == (0, 1)
         assert ax.images[0].cmap.name == "gray_r"
     assert [ax.get_title() for ax in axes[:3]] == ["random start", "projective start", "solve"]
@@ -81,7 +82,7 @@ def test_what_is_not_done_is_hatched(part):
 
 
 def test_a_few_failures_do_not_look_like_none():
-    assert [bearslam.sweep_plot._percent(share) for share in (0, 1e-9, 0.006, 0.5, 0.9951, 1)] == [
+    assert [bearslam.montecarlo.plot._percent(share) for share in (0, 1e-9, 0.006, 0.5, 0.9951, 1)] == [
         "0",
         "<1",
         "1",

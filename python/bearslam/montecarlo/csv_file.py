@@ -11,10 +11,10 @@ import numpy as np
 
 from bearslam.coerce import SEED_LIMIT, quote, whole
 from bearslam.errors import InvalidInputError
-from bearslam.sweep_grid import Grid
-from bearslam.sweep_result import SweepResult
-from bearslam.sweep_table import coordinates, statistics
-from bearslam.sweep_tally import COUNTS, HIGHEST, LOWEST, QUANTITIES, Tally, key
+from bearslam.montecarlo.grid import Grid
+from bearslam.montecarlo.result import SweepResult
+from bearslam.montecarlo.table import coordinates, statistics
+from bearslam.montecarlo.tally import COUNTS, HIGHEST, LOWEST, QUANTITIES, Tally, key
 
 __all__ = ["read", "write"]
 

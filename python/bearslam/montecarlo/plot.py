@@ -11,9 +11,9 @@ import numpy as np
 
 from bearslam.coerce import FloatArray, choice
 from bearslam.errors import InvalidInputError
+from bearslam.montecarlo.grid import Start
+from bearslam.montecarlo.table import degrees
 from bearslam.plot import ESTIMATE, LINEAR, PAPER, TRUTH
-from bearslam.sweep_grid import Start
-from bearslam.sweep_table import degrees
 
 try:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ except ImportError:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bearslam.sweep_result import SweepResult
+    from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["draw_errors", "draw_failures"]
 

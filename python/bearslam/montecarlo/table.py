@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.sweep_tally import COUNTS, FAILURES, ITERATIONS, NANOSECONDS, QUANTITIES
+from bearslam.montecarlo.tally import COUNTS, FAILURES, ITERATIONS, NANOSECONDS, QUANTITIES
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from bearslam.sweep_result import SweepResult
+    from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["coordinates", "statistics", "to_pandas", "to_xarray"]
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from bearslam.coerce import IntArray
-from bearslam.sweep_grid import Chunk, Grid
-from bearslam.sweep_tally import QUANTITIES, Tally
+from bearslam.montecarlo.grid import Chunk, Grid
+from bearslam.montecarlo.tally import Tally
 
 __all__ = ["Ledger"]
 
@@ -40,9 +40,6 @@ class Ledger:
         """Add what a chunk has brought, unless it has been added before."""
         if chunk in self._state.waiting or chunk in self._state.chunks:
             return False
-        if self._grid.cell(chunk.cell)[1] == 0:
-            # Without noise the bound is 0, and everything is infinitely far above it.
-            bins = bins[bins[:, 1] < QUANTITIES.index("position_ratio")]
         self._state.waiting[chunk] = counts, bins
         self._rows += len(bins)
         if self._rows > self._limit:

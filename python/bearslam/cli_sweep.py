@@ -15,14 +15,14 @@ from typing import Any
 from bearslam.coerce import whole
 from bearslam.console import complain, same, writable
 from bearslam.errors import ExecutorError, InvalidInputError
+from bearslam.montecarlo.files import RESULTS
+from bearslam.montecarlo.grid import STARTS
+from bearslam.montecarlo.result import SweepResult
+from bearslam.montecarlo.statistics import Total
+from bearslam.montecarlo.table import degrees
 from bearslam.report import columns
 from bearslam.simulate import LAYOUTS
 from bearslam.sweep import sweep
-from bearslam.sweep_file import RESULTS
-from bearslam.sweep_grid import STARTS
-from bearslam.sweep_result import SweepResult
-from bearslam.sweep_statistics import Total
-from bearslam.sweep_table import degrees
 
 __all__ = ["add", "table"]
 

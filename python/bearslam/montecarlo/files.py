@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import os
 
-from bearslam import sweep_csv, sweep_npz
 from bearslam.atomic import replacing
 from bearslam.files import kind
-from bearslam.sweep_result import SweepResult
+from bearslam.montecarlo import csv_file, npz_file
+from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["RESULTS", "load", "save"]
 
@@ -18,13 +18,13 @@ RESULTS = (".npz", ".csv")
 
 def save(result: SweepResult, path: str | os.PathLike[str]) -> None:
     """See `SweepResult.save`."""
-    write = sweep_csv.write if kind(path, RESULTS) == ".csv" else sweep_npz.write
+    write = csv_file.write if kind(path, RESULTS) == ".csv" else npz_file.write
     with replacing(path) as file:
         write(result, file)
 
 
 def load(path: str | os.PathLike[str]) -> SweepResult:
     """See `SweepResult.load`."""
-    read = sweep_csv.read if kind(path, RESULTS) == ".csv" else sweep_npz.read
+    read = csv_file.read if kind(path, RESULTS) == ".csv" else npz_file.read
     with open(path, "rb") as file:
         return read(file, os.fspath(path))

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from bearslam.coerce import IntArray
 from bearslam.errors import InvalidInputError
-from bearslam.sweep_grid import Grid
-from bearslam.sweep_result import SweepResult
-from bearslam.sweep_tally import COUNTS, HIGHEST, LOWEST, QUANTITIES, Tally, key
+from bearslam.montecarlo.grid import Grid
+from bearslam.montecarlo.result import SweepResult
+from bearslam.montecarlo.tally import COUNTS, HIGHEST, LOWEST, QUANTITIES, Tally, key
 
 __all__ = ["read", "write"]
 

@@ -19,8 +19,8 @@ import numpy as np
 from bearslam._core import __version__
 from bearslam.coerce import IntArray, quote
 from bearslam.errors import InvalidInputError
-from bearslam.sweep_grid import Chunk, Grid
-from bearslam.sweep_tally import COUNTS, HIGHEST, LOWEST, QUANTITIES
+from bearslam.montecarlo.grid import Chunk, Grid
+from bearslam.montecarlo.tally import COUNTS, HIGHEST, LOWEST, QUANTITIES
 
 __all__ = ["Checkpoint"]
 

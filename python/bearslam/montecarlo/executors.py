@@ -17,7 +17,7 @@ from uuid import uuid4
 from bearslam import _core
 from bearslam.coerce import IntArray
 from bearslam.errors import InvalidInputError
-from bearslam.sweep_grid import RawChunk
+from bearslam.montecarlo.grid import RawChunk
 
 __all__ = ["Done", "HaltedError", "run_chunk", "run_here", "run_on"]
 

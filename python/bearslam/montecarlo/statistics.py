@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from bearslam.coerce import FloatArray, IntArray, choice, quote, real
 from bearslam.errors import InvalidInputError
-from bearslam.sweep_tally import (
+from bearslam.montecarlo.tally import (
     FAILURES,
     INCOMPLETE,
     ITERATIONS,

@@ -13,10 +13,10 @@ import numpy as np
 from bearslam import _core
 from bearslam.coerce import FloatArray, IntArray, choice, quote, whole
 from bearslam.errors import InvalidInputError
+from bearslam.montecarlo.grid import AXES, Grid, Start
+from bearslam.montecarlo.statistics import Statistics, Total, confident
+from bearslam.montecarlo.tally import COUNTS, Tally
 from bearslam.simulate import Layout, Scene, simulate
-from bearslam.sweep_grid import AXES, Grid, Start
-from bearslam.sweep_statistics import Statistics, Total, confident
-from bearslam.sweep_tally import COUNTS, Tally
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -276,7 +276,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         OSError
             If it cannot be written.
         """
-        from bearslam.sweep_file import save
+        from bearslam.montecarlo.files import save
 
         save(self, path)
 
@@ -301,7 +301,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         OSError
             If it cannot be read.
         """
-        from bearslam.sweep_file import load
+        from bearslam.montecarlo.files import load
 
         return load(path)
 
@@ -319,7 +319,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         ImportError
             If pandas is not installed.
         """
-        from bearslam.sweep_table import to_pandas
+        from bearslam.montecarlo.table import to_pandas
 
         return to_pandas(self)
 
@@ -336,7 +336,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         ImportError
             If xarray is not installed.
         """
-        from bearslam.sweep_table import to_xarray
+        from bearslam.montecarlo.table import to_xarray
 
         return to_xarray(self)
 
@@ -349,7 +349,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
             "failures": how many of the trials fail, as heat maps over views and landmarks, a column for each start, a
             row for each noise and layout. "errors": errors against noise, and how they compare with the bound.
         **options
-            Of `bearslam.sweep_plot.draw_failures` or `bearslam.sweep_plot.draw_errors`.
+            Of `bearslam.montecarlo.plot.draw_failures` or `bearslam.montecarlo.plot.draw_errors`.
 
         Returns
         -------
@@ -363,7 +363,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         InvalidInputError
             If an option is out of range.
         """
-        from bearslam.sweep_plot import draw_errors, draw_failures
+        from bearslam.montecarlo.plot import draw_errors, draw_failures
 
         if choice("kind", kind, ("failures", "errors")) == "failures":
             return draw_failures(self, **options)
