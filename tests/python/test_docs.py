@@ -18,9 +18,9 @@ REPOSITORY = Path(__file__).parents[2]
 PAGES = [REPOSITORY / "README.md", *sorted(REPOSITORY.glob("docs/**/*.md"))]
 FENCE = re.compile(r"^```(\w+)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 MODULES = [
-    importlib.import_module(f"bearslam.{found.name}")
-    for found in pkgutil.iter_modules(bearslam.__path__)
-    if found.name not in ("__main__", "_core")
+    importlib.import_module(found.name)
+    for found in pkgutil.walk_packages(bearslam.__path__, "bearslam.")
+    if found.name not in ("bearslam.__main__", "bearslam._core")
 ]
 
 

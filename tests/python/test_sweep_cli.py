@@ -228,7 +228,9 @@ def test_processes_end_with_the_command_whatever_they_are_at():
     before = set(multiprocessing.active_children())
     with _pool(1) as pool:
         pool.submit(int).result()
-        pool.submit(time.sleep, 60)
+        task = pool.submit(time.sleep, 60)
+        while not task.running():
+            time.sleep(0.01)
         start = time.monotonic()
     while set(multiprocessing.active_children()) - before:
         assert time.monotonic() - start < 10.0
