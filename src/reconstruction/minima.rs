@@ -22,7 +22,7 @@ pub struct Minima<'a, 'p, T: Real> {
     pub progress: &'a mut Option<Progress<'p>>,
     /// With the number of the triple that each comes from.
     minima: Vec<(Reconstruction<T>, usize)>,
-    unfinished: Vec<Reconstruction<T>>,
+    unfinished: Vec<(Reconstruction<T>, usize)>,
     /// Why the last start that could not be refined could not.
     failure: Option<Error>,
 }
@@ -39,12 +39,18 @@ const HOPELESS: f64 = 30.0;
 /// Fewest degrees of freedom for which the cost alone tells a right minimum.
 const TELLING_FREEDOM: usize = 20;
 
+/// The same for a minimum that took its time: wrong ones more often do.
+const SURE_FREEDOM: usize = 45;
+
 /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
 const PLAUSIBLE: f64 = 3.0;
 
 /// Other places of landmarks that are tried at a time, and how often.
 const MOVES: usize = 4;
 const ROUNDS: usize = 3;
+
+/// Iterations that each of them gets: what is not better by then is slow because it is worse.
+const MOVED_ITERATIONS: usize = 30;
 
 /// Costs whose ratio is closer to 1 than this are those of one minimum.
 const SAME_COST: f64 = 1.0 - 1e-6;
@@ -82,7 +88,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
                 continue;
             };
             if found.termination == Termination::MaxIterations {
-                self.unfinished.push(found);
+                self.unfinished.push((found, triple));
                 continue;
             }
             let beyond_doubt = stop && (is_plausible(&found) || self.confirms(&found, triple));
@@ -103,36 +109,43 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
             && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
     }
 
-    /// Lets the best of the unfinished go on to their minima; with `all`, every one that may be as good as
-    /// the best minimum.
+    /// Lets the best of the unfinished go on to their minima, until one is beyond doubt; returns whether
+    /// one is. With `all` every one goes on that may be as good as the best minimum.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
-    pub fn finish(&mut self, all: bool) -> Result<(), Error> {
+    pub fn finish(&mut self, all: bool) -> Result<bool, Error> {
         let mut unfinished = core::mem::take(&mut self.unfinished);
-        unfinished.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+        unfinished.sort_by(|a, b| a.0.cost.as_f64().total_cmp(&b.0.cost.as_f64()));
         let total = if all { unfinished.len() } else { MAX_FINISHED };
         let mut done = 0;
-        for found in unfinished {
+        for (found, triple) in unfinished {
             // Of exact bearings there may be several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
                 other.termination != Termination::ZeroResidual
                     && found.cost > other.cost * T::lit(HOPELESS)
             });
-            let known = self
-                .minima
-                .iter()
-                .any(|(other, _)| same(&other.map, &found.map));
-            if !hopeless && (all || (done < total && !known)) {
-                let used = found.iterations;
-                let left = self.options.max_iterations.saturating_sub(used);
-                if let Some(found) = self.refine(found.map, left, used, (done, total))? {
-                    self.minima.push((found, usize::MAX));
-                }
-                done += 1;
+            if hopeless {
+                continue;
             }
+            if done == total {
+                self.unfinished.push((found, triple));
+                continue;
+            }
+            let used = found.iterations;
+            let left = self.options.max_iterations.saturating_sub(used);
+            if let Some(found) = self.refine(found.map, left, used, (done, total))? {
+                let beyond_doubt = !all
+                    && found.freedom >= SURE_FREEDOM
+                    && (is_plausible(&found) || self.confirms(&found, triple));
+                self.minima.push((found, triple));
+                if beyond_doubt {
+                    return Ok(true);
+                }
+            }
+            done += 1;
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Whether one of the minima explains the bearings to rounding.
@@ -163,7 +176,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
             let total = maps.len().min(MOVES);
             let mut lower = false;
             for (done, map) in maps.into_iter().take(MOVES).enumerate() {
-                let iterations = self.options.max_iterations;
+                let iterations = self.options.max_iterations.min(MOVED_ITERATIONS);
                 if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
                     lower |= found.cost < cost * T::lit(SAME_COST);
                     self.minima.push((found, usize::MAX));

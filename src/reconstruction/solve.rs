@@ -176,11 +176,15 @@ pub fn solve<T: Real>(
         }
         Strategy::Search(search) => {
             let mut minima = Minima::new(problem, &options.refine, &mut progress);
-            if !minima.try_out(maps.take(search.candidates), true)? && search.swept > 0 {
+            let candidates = maps.take(search.candidates);
+            let beyond_doubt = minima.try_out(candidates, true)? || minima.finish(false)?;
+            if !beyond_doubt && search.swept > 0 {
                 let maps = hypotheses.widened(problem, search.swept, minima.progress)?;
-                minima.try_out(maps.into_iter().take(2 * search.candidates), true)?;
+                let candidates = maps.into_iter().take(2 * search.candidates);
+                if !minima.try_out(candidates, true)? {
+                    minima.finish(false)?;
+                }
             }
-            minima.finish(false)?;
             minima.move_landmarks()?;
             minima.into_found()?
         }
