@@ -28,6 +28,8 @@ use watch::Watcher;
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    // NumPy is loaded with the first array: here, where an interruption is an error like any other.
+    drop(PyArray1::<f64>::zeros(module.py(), 0, false));
     module.add_function(wrap_pyfunction!(three_view, module)?)?;
     module.add_function(wrap_pyfunction!(trifocal_tensor, module)?)?;
     module.add_function(wrap_pyfunction!(epipoles, module)?)?;
