@@ -3,8 +3,8 @@
 //!
 //! A hypothesis in the basin of a good minimum gets there in a few iterations; what has not converged
 //! by then is in a bad one or hardly determined. So all candidates get a few iterations, and the best of
-//! the unfinished go on. Enough is reached when a minimum is as low as the noise says it must
-//! be, or two triples of views with no sighting in common agree on it.
+//! the unfinished go on. It is enough when a minimum is as low as the noise says it must be, or two
+//! triples of views have led to it.
 
 use super::edges::moved_landmarks;
 use super::options::{Progress, tell};
