@@ -155,8 +155,11 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 
 LOADED = """\
-import sys
+import signal, sys
 import bearslam.cli
+
+# Where the tests run in the background the signal is ignored from the start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def load(path, load=bearslam.cli.load):
     problem = load(path)
