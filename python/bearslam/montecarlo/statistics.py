@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
 from bearslam.coerce import FloatArray, IntArray, choice, quote, real
@@ -24,18 +25,18 @@ Reals = TypeVar("Reals", covariant=True)
 Wholes = TypeVar("Wholes", covariant=True)
 
 
-class Statistics(Generic[Reals, Wholes]):
+class Statistics(ABC, Generic[Reals, Wholes]):
     """Numbers that are made from a tally; NaN where nothing has been done."""
 
     tally: Tally
 
+    @abstractmethod
     def _reals(self, values: FloatArray) -> Reals:
         """Numbers of all groups in the shape in which they are told."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _wholes(self, values: IntArray) -> Wholes:
         """The same for integers."""
-        raise NotImplementedError
 
     @property
     def failures(self) -> Wholes:
