@@ -44,6 +44,13 @@ pub enum Error {
         /// The value that came.
         value: f64,
     },
+    /// A covariance that is not symmetric.
+    NotSymmetric {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+    },
     /// An index that is out of range.
     OutOfRange {
         /// The argument.
@@ -66,6 +73,13 @@ pub enum Error {
         /// Position of the second sighting.
         second: usize,
     },
+    /// A motion from a view to itself.
+    SameView {
+        /// Where in the odometry.
+        index: usize,
+        /// The view.
+        view: usize,
+    },
     /// A problem too large for the dense solver.
     TooLarge {
         /// What is too large.
@@ -84,6 +98,8 @@ pub enum Error {
         /// The bound that it violates.
         bound: f64,
     },
+    /// The memory does not hold the normal equations.
+    OutOfMemory,
     /// The caller asked to stop.
     Interrupted,
     /// The system gives no threads.
@@ -113,6 +129,12 @@ impl fmt::Display for Error {
                     "{what}: expected positive numbers, got {value} at index {index}"
                 )
             }
+            Self::NotSymmetric { what, index } => {
+                write!(
+                    f,
+                    "{what}: expected symmetric covariances, got one that is not at index {index}"
+                )
+            }
             Self::OutOfRange {
                 what,
                 index,
@@ -132,6 +154,11 @@ impl fmt::Display for Error {
                 "sightings: expected each view to see a landmark once, got view {view} seeing \
                  landmark {landmark} at index {first} and again at index {second}"
             ),
+            Self::SameView { index, view } => write!(
+                f,
+                "odometry: expected motions between two views, got one from view {view} to itself at \
+                 index {index}"
+            ),
             Self::TooLarge { what, bound, got } => {
                 write!(f, "{what}: expected at most {bound}, got {got}")
             }
@@ -146,6 +173,7 @@ impl fmt::Display for Error {
                      their common line or circle, or views from other places"
                 )
             }
+            Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),
             Self::Interrupted => write!(f, "interrupted by the caller"),
             Self::Threads => write!(f, "the system gives no more threads"),
         }

@@ -3,19 +3,31 @@
 
 mod bundle;
 mod cholesky;
+mod covariance;
 mod descent;
+mod gauge;
 mod linearized;
+mod loss;
 mod map;
 mod newton;
+mod normal;
+mod priors;
 mod problem;
 mod refine;
 mod schur;
 mod sensitivity;
+mod sparse;
 mod variances;
+mod weakest;
 
+pub use covariance::{Covariance, Frame, covariance};
+pub use loss::Loss;
 pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::{Map, Subject, Undetermined, Why};
+pub(crate) use priors::Tie;
+pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};
+pub(crate) use refine::cost;
 pub use refine::{RefineOptions, Report, Termination, Watch, refine_map};
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;

@@ -67,8 +67,9 @@ pub use batch::{solve_batch, three_view_batch};
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{
-    Map, Problem, RefineOptions, Report, Seen, Sighting, Subject, Termination, Undetermined, Watch,
-    Why, refine_map,
+    Covariance, Frame, LandmarkPrior, Loss, Map, Noise, Odometry, PosePrior, Problem,
+    RefineOptions, Report, Seen, Sighting, Subject, Termination, Undetermined, Watch, Why,
+    covariance, refine_map,
 };
 pub use geometry::{Bearing, Pose, align, bearing_to, pose, signed_angle, transform_pose};
 pub use kernels::*;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps of many views from nothing.
 
+mod anchored;
 mod bounded;
 mod circle;
 mod edges;
@@ -8,6 +9,7 @@ mod expand;
 mod minima;
 mod options;
 mod paper;
+mod posterior;
 mod result;
 mod search;
 mod solve;

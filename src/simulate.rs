@@ -3,6 +3,7 @@
 
 mod bound;
 mod errors;
+mod odometry;
 
 pub use bound::Bound;
 pub use errors::Errors;

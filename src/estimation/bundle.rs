@@ -5,7 +5,9 @@
 //! (-pi, pi], over sigma. With `d = x - p` and `g = (-d_y, d_x) / |d|^2`, (T12):
 //! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
 
+use super::loss::Loss;
 use super::map::Map;
+use super::priors::TieRow;
 use super::problem::{Problem, Seen};
 use crate::error::Error;
 use crate::geometry::{Pose, signed_angle};
@@ -20,7 +22,24 @@ pub struct Bundle<T: Real> {
     pub landmarks: Vec<Point2<T>>,
 }
 
-/// A sighting linearised: residual and derivatives, all over sigma.
+/// A problem linearised at a bundle.
+#[derive(Clone, Debug)]
+pub struct Rows<T: Real> {
+    pub sightings: Vec<Row<T>>,
+    pub ties: Vec<TieRow<T>>,
+}
+
+impl<T: Real> Rows<T> {
+    pub fn new() -> Self {
+        Self {
+            sightings: Vec::new(),
+            ties: Vec::new(),
+        }
+    }
+}
+
+/// A sighting linearised: residual and derivatives, all over sigma, and with a loss times the root of its
+/// slope.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<T: Real> {
     /// Derivative with respect to the landmark, minus that with respect to the position.
@@ -32,9 +51,9 @@ pub struct Row<T: Real> {
 }
 
 impl<T: Real> Row<T> {
-    /// A sighting of a landmark from a pose.
+    /// A sighting of a landmark from a pose; a line rather than a ray when not `oriented`.
     #[inline]
-    fn new(pose: &Pose<T>, landmark: &Point2<T>, s: &Seen<T>) -> Self {
+    fn new(pose: &Pose<T>, landmark: &Point2<T>, s: &Seen<T>, oriented: bool) -> Self {
         let offset = landmark.coords - pose.translation.vector;
         let ray = pose.rotation.into_inner() * s.bearing.into_inner();
         let along = ray.re * offset.x + ray.im * offset.y;
@@ -48,12 +67,31 @@ impl<T: Real> Row<T> {
                 residual: T::zero(),
             };
         }
+        // A line may as well point the other way.
+        let (along, across) = if oriented || along >= T::zero() {
+            (along, across)
+        } else {
+            (-along, -across)
+        };
         let scale = s.weight / square;
         Self {
             gradient: Vector2::new(-offset.y * scale, offset.x * scale),
             weight: s.weight,
             residual: signed_angle(along, across) * s.weight,
         }
+    }
+
+    /// Weighted as a loss asks, and what it adds to twice the cost.
+    #[inline]
+    fn tempered(mut self, loss: Loss<T>) -> (Self, T) {
+        let (value, slope) = loss.evaluate(self.residual * self.residual);
+        if slope < T::one() {
+            let root = slope.sqrt();
+            self.gradient *= root;
+            self.weight *= root;
+            self.residual *= root;
+        }
+        (self, value)
     }
 
     /// Derivative with respect to the pose `(x, y, theta)`.
@@ -69,11 +107,11 @@ impl<T: Real> Row<T> {
     }
 }
 
-/// What the views tell about one landmark: information (xx, xy, yy), gradient, sum of squares.
+/// What the views tell about one landmark: information (xx, xy, yy), gradient, sum of losses.
 struct Around<T: Real> {
     information: [T; 3],
     gradient: Vector2<T>,
-    squares: T,
+    loss: T,
 }
 
 impl<T: Real> Around<T> {
@@ -182,16 +220,24 @@ impl<T: Real> Bundle<T> {
         }
     }
 
-    /// Linearises every sighting; returns half the sum of squared residuals.
-    pub fn linearize(&self, problem: &Problem<T>, rows: &mut Vec<Row<T>>) -> T {
-        rows.clear();
+    /// Linearises everything; returns the cost, half the sum of the losses and of the squares of the ties.
+    pub fn linearize(&self, problem: &Problem<T>, loss: Loss<T>, rows: &mut Rows<T>) -> T {
+        rows.sightings.clear();
+        let oriented = problem.is_oriented();
         let mut sum = T::zero();
         for (view, pose) in self.poses.iter().enumerate() {
             for s in problem.of_view(view) {
-                let row = Row::new(pose, &self.landmarks[s.landmark], s);
-                sum += row.residual * row.residual;
-                rows.push(row);
+                let row = Row::new(pose, &self.landmarks[s.landmark], s, oriented);
+                let (row, value) = row.tempered(loss);
+                sum += value;
+                rows.sightings.push(row);
             }
+        }
+        rows.ties.clear();
+        for tie in problem.ties() {
+            let row = tie.linearize(self);
+            sum += row.square();
+            rows.ties.push(row);
         }
         sum * T::lit(0.5)
     }
@@ -201,14 +247,14 @@ impl<T: Real> Bundle<T> {
     ///
     /// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
     /// descent may take longer steps (variable projection).
-    pub fn settle_landmark(&mut self, problem: &Problem<T>, landmark: usize) {
+    pub fn settle_landmark(&mut self, problem: &Problem<T>, loss: Loss<T>, landmark: usize) {
         let mut point = self.landmarks[landmark];
-        let mut at = self.around(problem, landmark, &point);
+        let mut at = self.around(problem, loss, landmark, &point);
         for _ in 0..SETTLING_STEPS {
             let Some(step) = at.step() else { break };
             let moved = point + step;
-            let there = self.around(problem, landmark, &moved);
-            if !(there.squares < at.squares) || moved.coords.amax() > horizon() {
+            let there = self.around(problem, loss, landmark, &moved);
+            if !(there.loss < at.loss) || moved.coords.amax() > horizon() {
                 break;
             }
             (point, at) = (moved, there);
@@ -218,21 +264,29 @@ impl<T: Real> Bundle<T> {
 
     /// What the views tell about one landmark at a place.
     #[inline]
-    fn around(&self, problem: &Problem<T>, landmark: usize, point: &Point2<T>) -> Around<T> {
+    fn around(
+        &self,
+        problem: &Problem<T>,
+        loss: Loss<T>,
+        landmark: usize,
+        point: &Point2<T>,
+    ) -> Around<T> {
         let mut around = Around {
             information: [T::zero(); 3],
             gradient: Vector2::zeros(),
-            squares: T::zero(),
+            loss: T::zero(),
         };
+        let oriented = problem.is_oriented();
         for &k in problem.of_landmark(landmark) {
             let s = &problem.sightings()[k];
-            let row = Row::new(&self.poses[s.view], point, s);
+            let row = Row::new(&self.poses[s.view], point, s, oriented);
+            let (row, value) = row.tempered(loss);
             let [x, y]: [T; 2] = row.gradient.into();
             around.information[0] += x * x;
             around.information[1] += x * y;
             around.information[2] += y * y;
             around.gradient += row.gradient * row.residual;
-            around.squares += row.residual * row.residual;
+            around.loss += value;
         }
         around
     }
@@ -293,9 +347,14 @@ mod tests {
                     .collect(),
                 landmarks: landmarks.iter().map(|p| Point2::new(p[0], p[1])).collect(),
             };
-            let mut linearized = Vec::new();
-            bundle.linearize(&problem, &mut linearized);
-            for ((k, row), expected) in linearized.iter().enumerate().zip(rows(&case["jacobian"])) {
+            let mut linearized = Rows::new();
+            bundle.linearize(&problem, Loss::Squared, &mut linearized);
+            for ((k, row), expected) in linearized
+                .sightings
+                .iter()
+                .enumerate()
+                .zip(rows(&case["jacobian"]))
+            {
                 let mut found = vec![0.0; 3 * m + 2 * n];
                 found[3 * (k / n)..][..3].copy_from_slice(&row.pose());
                 found[3 * m + 2 * (k % n)..][..2].copy_from_slice(&row.landmark());
@@ -323,8 +382,8 @@ mod tests {
                 Point2::new(0.5, -2.0),
             ],
         };
-        let mut rows = Vec::new();
-        bundle.linearize(&problem, &mut rows);
+        let mut rows = Rows::new();
+        bundle.linearize(&problem, Loss::Squared, &mut rows);
         let step = 1e-6;
         for parameter in 0..12 {
             let residuals = [-step, step].map(|size| {
@@ -337,11 +396,14 @@ mod tests {
                 }
                 let mut moved = bundle.clone();
                 bundle.step(&poses, &landmarks, &mut moved);
-                let mut rows = Vec::new();
-                moved.linearize(&problem, &mut rows);
-                rows.iter().map(|row| row.residual).collect::<Vec<f64>>()
+                let mut rows = Rows::new();
+                moved.linearize(&problem, Loss::Squared, &mut rows);
+                rows.sightings
+                    .iter()
+                    .map(|row| row.residual)
+                    .collect::<Vec<f64>>()
             });
-            for (k, row) in rows.iter().enumerate() {
+            for (k, row) in rows.sightings.iter().enumerate() {
                 let difference = (residuals[1][k] - residuals[0][k]) / (2.0 * step);
                 let (view, landmark) = (k / 3, k % 3);
                 let expected = if parameter < 6 {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt: damping, acceptance and the end of the descent, whatever system gives the steps.
 
-use super::bundle::{Bundle, Row};
+use super::bundle::{Bundle, Rows};
 use super::problem::Problem;
 use super::refine::{RefineOptions, Termination, Watch};
 use crate::error::Error;
 use crate::scalar::Real;
-use alloc::vec::Vec;
 
 /// What proposes steps.
 pub trait System<T: Real> {
@@ -17,7 +16,7 @@ pub trait System<T: Real> {
     fn step(
         &mut self,
         bundle: &Bundle<T>,
-        rows: &[Row<T>],
+        rows: &Rows<T>,
         damping: T,
         result: &mut Bundle<T>,
     ) -> Option<T>;
@@ -28,7 +27,7 @@ pub trait System<T: Real> {
     }
 
     /// Whether the descent is to pause here, for a change of the system.
-    fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &[Row<T>], _cost: T) -> bool {
+    fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &Rows<T>, _cost: T) -> bool {
         false
     }
 }
@@ -48,13 +47,13 @@ pub struct Descent<'a, 'w, T: Real> {
     pub options: &'a RefineOptions<T>,
     pub bundle: Bundle<T>,
     /// The bundle linearised.
-    pub rows: Vec<Row<T>>,
+    pub rows: Rows<T>,
     pub cost: T,
     /// Linear systems solved.
     pub iterations: usize,
     watch: Option<Watch<'w>>,
     trial: Bundle<T>,
-    trial_rows: Vec<Row<T>>,
+    trial_rows: Rows<T>,
 }
 
 impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
@@ -66,12 +65,13 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
         watch: Option<Watch<'w>>,
         bundle: Bundle<T>,
     ) -> Result<Self, Error> {
-        let mut rows = Vec::with_capacity(problem.sightings().len());
-        let cost = bundle.linearize(problem, &mut rows);
+        let mut rows = Rows::new();
+        let cost = bundle.linearize(problem, options.loss, &mut rows);
         if !cost.is_finite() {
             return Err(Error::NotFinite {
                 what: "residuals of the start",
                 index: rows
+                    .sightings
                     .iter()
                     .position(|row| !row.residual.is_finite())
                     .unwrap_or(0),
@@ -83,7 +83,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
             watch,
             trial: bundle.clone(),
             bundle,
-            trial_rows: Vec::with_capacity(rows.len()),
+            trial_rows: Rows::new(),
             rows,
             cost,
             iterations: 0,
@@ -92,7 +92,8 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
 
     /// Takes note that the bundle has been moved by other means.
     pub fn relinearize(&mut self) {
-        self.cost = self.bundle.linearize(self.problem, &mut self.rows);
+        let loss = self.options.loss;
+        self.cost = self.bundle.linearize(self.problem, loss, &mut self.rows);
     }
 
     /// Descends until it ends, the system asks for a pause, or the iterations in all reach `limit`.
@@ -102,6 +103,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
     pub fn run(&mut self, system: &mut impl System<T>, limit: usize) -> Result<Rest, Error> {
         let zero = self.rounding();
         let tolerance = self.options.tolerance;
+        let loss = self.options.loss;
         let mut damping = self.options.damping;
         let mut last_gain = T::zero();
         loop {
@@ -122,10 +124,12 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
             if let Some(predicted) = predicted {
                 for landmark in 0..self.trial.landmarks.len() {
                     if system.settles(landmark) {
-                        self.trial.settle_landmark(self.problem, landmark);
+                        self.trial.settle_landmark(self.problem, loss, landmark);
                     }
                 }
-                let cost = self.trial.linearize(self.problem, &mut self.trial_rows);
+                let cost = self
+                    .trial
+                    .linearize(self.problem, loss, &mut self.trial_rows);
                 if cost < self.cost {
                     lower = Some((self.cost - cost, predicted));
                     self.cost = cost;
@@ -172,7 +176,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
     /// The cost of residuals that are rounding.
     fn rounding(&self) -> T {
         let rounding = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
-        let squares = self.rows.iter().fold(T::zero(), |sum, row| {
+        let squares = self.rows.sightings.iter().fold(T::zero(), |sum, row| {
             sum + (row.weight * rounding) * (row.weight * rounding)
         });
         squares * T::lit(0.5)

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Poses and landmarks, some of which may be undetermined.
 
+use super::bundle::Bundle;
+use super::gauge::{Held, free_directions};
+use super::priors::Tie;
 use super::problem::Problem;
+use crate::error::Error;
 use crate::geometry::{Pose, signed_angle, transform_pose};
 use crate::scalar::Real;
 use alloc::vec;
@@ -98,7 +102,8 @@ impl<T: Real> Map<T> {
         self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
     }
 
-    /// The bearing residual, predicted minus measured in (-pi, pi], of each sighting of a problem, in
+    /// The bearing residual, predicted minus measured in (-pi, pi] (unoriented: in
+    /// (-pi/2, pi/2]), of each sighting of a problem, in
     /// the order of [`Problem::sightings`]; `None` where an end is undetermined.
     pub fn residuals<'a>(
         &'a self,
@@ -108,8 +113,63 @@ impl<T: Real> Map<T> {
             let pose = self.poses[s.view]?;
             let seen = pose.inverse_transform_point(&self.landmarks[s.landmark]?);
             let turned = s.bearing.inverse_transform_vector(&seen.coords);
+            let behind = !problem.is_oriented() && turned.x < T::zero();
+            let turned = if behind { -turned } else { turned };
             Some(signed_angle(turned.x, turned.y))
         })
+    }
+
+    /// # Errors
+    /// [`Error::LengthMismatch`] when the map is not of the problem's size.
+    pub(super) fn check_size(&self, problem: &Problem<T>) -> Result<(), Error> {
+        for (what, expected, got) in [
+            ("poses", problem.views(), self.poses.len()),
+            ("landmarks", problem.landmarks(), self.landmarks.len()),
+        ] {
+            if expected != got {
+                return Err(Error::LengthMismatch {
+                    what,
+                    expected,
+                    got,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The same map in the frame in which it is reported: what odometry and priors of the problem do not
+    /// fix is fixed as in [`Map::normalized`].
+    pub(crate) fn framed(&self, problem: &Problem<T>) -> Self {
+        let mut map = if problem.ties().is_empty() {
+            self.normalized()
+        } else {
+            let held = Held::of(&self.restrict(problem));
+            match held.frame(&Bundle::from_map(self)) {
+                Some(similarity) => self.transformed(&similarity),
+                None => self.clone(),
+            }
+        };
+        if !problem.is_oriented() {
+            // A heading is known modulo pi.
+            for pose in map.poses.iter_mut().flatten() {
+                if pose.rotation.re < T::zero() {
+                    pose.rotation = UnitComplex::new_unchecked(-pose.rotation.into_inner());
+                }
+            }
+        }
+        map
+    }
+
+    /// How many directions of the whole odometry and priors leave free, and how many numbers they give.
+    pub(crate) fn ties(&self, problem: &Problem<T>) -> (usize, usize) {
+        if problem.ties().is_empty() {
+            return (4, 0);
+        }
+        let active = self.restrict(problem);
+        let bundle = Bundle::from_map(self);
+        let ties = active.ties().iter();
+        let numbers = ties.map(|tie| tie.linearize(&bundle).count()).sum();
+        (free_directions(&active, &bundle).len(), numbers)
     }
 
     /// The problem between what the map determines.
@@ -170,12 +230,16 @@ impl<T: Real> Map<T> {
 
     /// Drops views and landmarks that what is left cannot fix, and lists all that have no estimate,
     /// with the reason.
+    ///
+    /// Each needs as many numbers as it has: a bearing is one; odometry and priors count with theirs.
     pub(crate) fn prune(&mut self, problem: &Problem<T>) -> Vec<Undetermined> {
+        let ties = TiesOf::new(problem);
         loop {
             let mut dropped = false;
             for view in 0..self.poses.len() {
                 if self.poses[view].is_some()
-                    && self.connections_of_view(problem, view) < MIN_LANDMARKS_OF_VIEW
+                    && self.connections_of_view(problem, view) + ties.numbers_of_view(self, view)
+                        < MIN_LANDMARKS_OF_VIEW
                 {
                     self.poses[view] = None;
                     dropped = true;
@@ -183,7 +247,9 @@ impl<T: Real> Map<T> {
             }
             for landmark in 0..self.landmarks.len() {
                 if self.landmarks[landmark].is_some()
-                    && self.connections_of_landmark(problem, landmark) < MIN_VIEWS_OF_LANDMARK
+                    && self.connections_of_landmark(problem, landmark)
+                        + ties.numbers_of_landmark(landmark)
+                        < MIN_VIEWS_OF_LANDMARK
                 {
                     self.landmarks[landmark] = None;
                     dropped = true;
@@ -247,5 +313,52 @@ impl<T: Real> Map<T> {
             .iter()
             .filter(|&&k| self.poses[problem.sightings()[k].view].is_some())
             .count()
+    }
+}
+
+/// The ties of each subject.
+struct TiesOf {
+    /// Of each view: how many numbers its priors give, and the views at the other end of its motions.
+    views: Vec<(usize, Vec<usize>)>,
+    /// Of each landmark: how many numbers its priors give.
+    landmarks: Vec<usize>,
+}
+
+impl TiesOf {
+    fn new<T: Real>(problem: &Problem<T>) -> Self {
+        let mut found = Self {
+            views: Vec::new(),
+            landmarks: Vec::new(),
+        };
+        if problem.ties().is_empty() {
+            return found;
+        }
+        found.views.resize(problem.views(), (0, Vec::new()));
+        found.landmarks.resize(problem.landmarks(), 0);
+        for tie in problem.ties() {
+            match tie {
+                Tie::Motion { start, end, .. } => {
+                    found.views[*start].1.push(*end);
+                    found.views[*end].1.push(*start);
+                }
+                Tie::Pose { view, root, .. } => {
+                    found.views[*view].0 += (0..3).filter(|&k| root[k][k] > T::zero()).count();
+                }
+                Tie::Landmark { landmark, .. } => found.landmarks[*landmark] += 2,
+            }
+        }
+        found
+    }
+
+    fn numbers_of_view<T: Real>(&self, map: &Map<T>, view: usize) -> usize {
+        let Some((known, others)) = self.views.get(view) else {
+            return 0;
+        };
+        let ends = others.iter().filter(|&&other| map.poses[other].is_some());
+        known + 3 * ends.count()
+    }
+
+    fn numbers_of_landmark(&self, landmark: usize) -> usize {
+        self.landmarks.get(landmark).copied().unwrap_or(0)
     }
 }

@@ -8,7 +8,7 @@
 //! maps there is a smaller problem with a minimum of its own, (T23): it is tried, and kept
 //! when it is lower and the cost rises from it inwards.
 
-use super::bundle::{Bundle, Row, horizon};
+use super::bundle::{Bundle, Row, Rows, horizon};
 use super::cholesky;
 use super::descent::{Descent, Rest, System};
 use super::linearized::{centroid, spread};
@@ -221,16 +221,17 @@ impl<'a, T: Real> Newton<'a, T> {
         let slope = match place {
             Place::View(k) => {
                 let ray = self.ray(bundle, k);
-                seen.map(|&k| &descent.rows[k]).fold(T::zero(), |sum, row| {
-                    sum + row.gradient.dot(&ray) * row.residual
-                })
+                seen.map(|&k| &descent.rows.sightings[k])
+                    .fold(T::zero(), |sum, row| {
+                        sum + row.gradient.dot(&ray) * row.residual
+                    })
             }
             Place::Infinity(_) => {
                 let (middle, _) = middle(bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
                 seen.fold(T::zero(), |sum, &k| {
                     let view = self.problem.sightings()[k].view;
-                    let row = &descent.rows[k];
+                    let row = &descent.rows.sightings[k];
                     let offset = middle - bundle.poses[view].translation.vector;
                     sum + direction.perp(&offset) * row.weight * row.residual
                 })
@@ -408,11 +409,11 @@ impl<T: Real> System<T> for Newton<'_, T> {
     fn step(
         &mut self,
         bundle: &Bundle<T>,
-        rows: &[Row<T>],
+        rows: &Rows<T>,
         damping: T,
         result: &mut Bundle<T>,
     ) -> Option<T> {
-        self.assemble(bundle, rows);
+        self.assemble(bundle, &rows.sightings);
         let predicted = self
             .solve(damping, true)
             .or_else(|| self.solve(damping, false))?;
@@ -424,11 +425,16 @@ impl<T: Real> System<T> for Newton<'_, T> {
         matches!(self.columns[landmark], Column::Point(_))
     }
 
-    fn pauses(&mut self, bundle: &Bundle<T>, rows: &[Row<T>], cost: T) -> bool {
+    fn pauses(&mut self, bundle: &Bundle<T>, rows: &Rows<T>, cost: T) -> bool {
+        // A line of sight goes on behind its view and beyond infinity: there is no edge.
+        if !self.problem.is_oriented() {
+            return false;
+        }
         if self.edges.last().is_some_and(|edge| cost >= edge.cost) {
             return false;
         }
         let (middle, size) = middle(bundle);
+        let rows = &rows.sightings;
         let range = |k: usize| rows[k].weight / rows[k].gradient.norm();
         for landmark in (0..self.columns.len()).filter(|&landmark| self.settles(landmark)) {
             let seen = self.problem.of_landmark(landmark);
@@ -464,6 +470,7 @@ impl<T: Real> System<T> for Newton<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::estimation::Loss;
     use crate::geometry::pose;
 
     /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
@@ -498,21 +505,22 @@ mod tests {
         let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
         let problem = Problem::dense(3, 3, &bearings, 0.5).unwrap();
         let (bundle, mut newton) = setting(&problem);
-        let mut rows = Vec::new();
+        let mut rows = Rows::new();
         let gradient = |newton: &mut Newton<'_, f64>, bundle: &Bundle<f64>| {
-            let mut rows = Vec::new();
-            bundle.linearize(&problem, &mut rows);
-            newton.assemble(bundle, &rows);
+            let mut rows = Rows::new();
+            bundle.linearize(&problem, Loss::Squared, &mut rows);
+            newton.assemble(bundle, &rows.sightings);
             newton.gradient.clone()
         };
-        bundle.linearize(&problem, &mut rows);
-        newton.assemble(&bundle, &rows);
+        bundle.linearize(&problem, Loss::Squared, &mut rows);
+        newton.assemble(&bundle, &rows.sightings);
         let size = newton.gradient.len();
         assert_eq!(size, 9 + 2 + 1);
         let mut curved = newton.curved.clone();
         // What the gauge has added to the matrix it has added to the plain one as well.
         let trace: f64 = {
             let plain: f64 = rows
+                .sightings
                 .iter()
                 .zip(problem.sightings())
                 .filter(|(_, s)| newton.columns[s.landmark] != Column::View(3 * s.view))

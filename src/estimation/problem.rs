@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Who sees what, at which bearing.
 
+use super::map::Subject;
+use super::priors::{LandmarkPrior, Odometry, PosePrior, Tie};
 use crate::error::Error;
-use crate::geometry::Bearing;
+use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -34,7 +36,8 @@ pub struct Seen<T: Real> {
     pub weight: T,
 }
 
-/// All sightings, checked once and sorted by view and then landmark.
+/// All that is known, checked once: sightings, sorted by view and then landmark, and what odometry and
+/// priors add to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem<T: Real> {
     landmarks: usize,
@@ -46,6 +49,10 @@ pub struct Problem<T: Real> {
     landmark_start: Vec<usize>,
     /// For each sighting, its index in the input.
     input: Vec<usize>,
+    /// Whether a bearing is a ray; a line otherwise.
+    oriented: bool,
+    /// Odometry and priors.
+    ties: Vec<Tie<T>>,
 }
 
 impl<T: Real> Problem<T> {
@@ -141,6 +148,89 @@ impl<T: Real> Problem<T> {
         Self::new(views, landmarks, &sightings)
     }
 
+    /// The same problem with bearings that are known modulo pi only: lines, not rays.
+    ///
+    /// Headings are then known modulo pi as well, each for itself.
+    pub fn unoriented(mut self) -> Self {
+        self.oriented = false;
+        self
+    }
+
+    /// The same problem with odometry in addition to what it has.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a view beyond those of the problem, [`Error::SameView`] for a motion from a
+    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for
+    /// bad numbers.
+    pub fn with_odometry(mut self, odometry: &[Odometry<T>]) -> Result<Self, Error> {
+        for (index, motion) in odometry.iter().enumerate() {
+            let &Odometry { start, end, .. } = motion;
+            check_index("odometry: start", index, start, self.views())?;
+            check_index("odometry: end", index, end, self.views())?;
+            if start == end {
+                return Err(Error::SameView { index, view: start });
+            }
+            check_pose("odometry: delta", index, &motion.delta)?;
+            let root = motion.noise.root("odometry: sigma", index)?;
+            // A motion of which a part is unknown ties no frame to another.
+            if (0..3).any(|k| root[k][k] <= T::zero()) {
+                return Err(Error::NotFinite {
+                    what: "odometry: sigma",
+                    index,
+                });
+            }
+            self.ties.push(Tie::Motion {
+                start,
+                end,
+                delta: motion.delta,
+                root,
+            });
+        }
+        Ok(self)
+    }
+
+    /// The same problem with poses that are known beforehand in addition to what it has.
+    ///
+    /// # Errors
+    /// As [`Problem::with_odometry`].
+    pub fn with_pose_priors(mut self, priors: &[PosePrior<T>]) -> Result<Self, Error> {
+        for (index, prior) in priors.iter().enumerate() {
+            check_index("pose priors: view", index, prior.view, self.views())?;
+            check_pose("pose priors: pose", index, &prior.pose)?;
+            self.ties.push(Tie::Pose {
+                view: prior.view,
+                pose: prior.pose,
+                root: prior.noise.root("pose priors: sigma", index)?,
+            });
+        }
+        Ok(self)
+    }
+
+    /// The same problem with landmarks that are known beforehand in addition to what it has.
+    ///
+    /// # Errors
+    /// As [`Problem::with_odometry`].
+    pub fn with_landmark_priors(mut self, priors: &[LandmarkPrior<T>]) -> Result<Self, Error> {
+        for (index, prior) in priors.iter().enumerate() {
+            let &LandmarkPrior {
+                landmark, position, ..
+            } = prior;
+            check_index("landmark priors: landmark", index, landmark, self.landmarks)?;
+            if !(position.x.is_finite() && position.y.is_finite()) {
+                return Err(Error::NotFinite {
+                    what: "landmark priors: position",
+                    index,
+                });
+            }
+            self.ties.push(Tie::Landmark {
+                landmark,
+                position,
+                root: prior.noise.root("landmark priors: sigma", index)?,
+            });
+        }
+        Ok(self)
+    }
+
     /// Builds the index over sightings that are sorted by view and landmark.
     fn index(views: usize, landmarks: usize, sightings: Vec<Seen<T>>, input: Vec<usize>) -> Self {
         let mut view_start = vec![0; views + 1];
@@ -167,6 +257,8 @@ impl<T: Real> Problem<T> {
             by_landmark,
             landmark_start,
             input,
+            oriented: true,
+            ties: Vec::new(),
         }
     }
 
@@ -178,6 +270,22 @@ impl<T: Real> Problem<T> {
     /// Number of landmarks.
     pub fn landmarks(&self) -> usize {
         self.landmarks
+    }
+
+    /// Whether bearings are rays; lines, known modulo pi only, otherwise.
+    pub fn is_oriented(&self) -> bool {
+        self.oriented
+    }
+
+    /// The same problem with bearings alone.
+    pub(crate) fn without_ties(mut self) -> Self {
+        self.ties.clear();
+        self
+    }
+
+    /// Odometry and priors.
+    pub(crate) fn ties(&self) -> &[Tie<T>] {
+        &self.ties
     }
 
     /// All sightings, sorted by view and then landmark.
@@ -234,8 +342,52 @@ impl<T: Real> Problem<T> {
                 input.push(k);
             }
         }
-        Self::index(views, landmarks, sightings, input)
+        let kept = |tie: &&Tie<T>| {
+            tie.subjects()
+                .iter()
+                .flatten()
+                .all(|subject| match *subject {
+                    Subject::View(view) => keep_view[view],
+                    Subject::Landmark(landmark) => keep_landmark[landmark],
+                })
+        };
+        let ties = self.ties.iter().filter(kept);
+        let ties = ties.map(|tie| tie.moved(|v| view_number[v], |l| landmark_number[l], T::one()));
+        Self {
+            oriented: self.oriented,
+            ties: ties.collect(),
+            ..Self::index(views, landmarks, sightings, input)
+        }
     }
+
+    /// The same problem in another unit of length; bearings know none.
+    pub(super) fn scaled(&self, factor: T) -> Self {
+        let mut scaled = self.clone();
+        for tie in &mut scaled.ties {
+            *tie = tie.moved(|view| view, |landmark| landmark, factor);
+        }
+        scaled
+    }
+}
+
+fn check_index(what: &'static str, index: usize, value: usize, bound: usize) -> Result<(), Error> {
+    if value < bound {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        what,
+        index,
+        value,
+        bound,
+    })
+}
+
+fn check_pose<T: Real>(what: &'static str, index: usize, pose: &Pose<T>) -> Result<(), Error> {
+    let place = pose.translation.vector.norm_squared();
+    if (place + pose.rotation.norm_sqr()).is_finite() {
+        return Ok(());
+    }
+    Err(Error::NotFinite { what, index })
 }
 
 #[inline]

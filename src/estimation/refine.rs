@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
-use super::bundle::{Bundle, Row};
+use super::bundle::{Bundle, Rows};
 use super::descent::{Descent, Rest, System};
 use super::linearized::{Linearized, gauge, keeps_landmarks};
+use super::loss::Loss;
 use super::map::{Map, Undetermined};
 use super::newton;
+use super::normal::Normal;
 use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
@@ -24,6 +26,8 @@ pub struct RefineOptions<T: Real> {
     /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
     /// this part of it.
     pub tolerance: T,
+    /// How much a residual counts.
+    pub loss: Loss<T>,
 }
 
 impl<T: Real> Default for RefineOptions<T> {
@@ -32,6 +36,7 @@ impl<T: Real> Default for RefineOptions<T> {
             max_iterations: 100,
             damping: T::lit(1e-4),
             tolerance: T::lit(1e-10).max(T::eps()),
+            loss: Loss::Squared,
         }
     }
 }
@@ -79,7 +84,7 @@ impl Termination {
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report<T: Real> {
-    /// Half the sum of squared residuals over sigma.
+    /// Half the sum of the losses of residuals over sigma and of the squares of odometry and priors.
     pub cost: T,
     /// How it ended.
     pub termination: Termination,
@@ -92,9 +97,6 @@ pub struct Report<T: Real> {
 /// Called once per iteration with the number of iterations and the cost; `false` stops the work.
 pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
 
-/// Largest system that is solved densely: 16384 parameters, two gigabytes.
-const MAX_DENSE: usize = 1 << 14;
-
 /// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
 ///
 /// Views and landmarks without a value are left out, as are those that the rest does not fix; they
@@ -104,8 +106,8 @@ const MAX_DENSE: usize = 1 << 14;
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
 /// three sightings are left, [`Error::NotFinite`] when the start is not finite,
-/// [`Error::Degenerate`] when it is a single place, [`Error::TooLarge`] when the reduced system
-/// exceeds 16384 unknowns, [`Error::Interrupted`] when `watch` says so.
+/// [`Error::Degenerate`] when it is a single place, [`Error::OutOfMemory`] when it does not hold the
+/// normal equations, [`Error::Interrupted`] when `watch` says so.
 ///
 /// # Reference
 /// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
@@ -116,18 +118,7 @@ pub fn refine_map<T: Real>(
     options: &RefineOptions<T>,
     watch: Option<Watch<'_>>,
 ) -> Result<Report<T>, Error> {
-    for (what, expected, got) in [
-        ("poses", problem.views(), map.poses.len()),
-        ("landmarks", problem.landmarks(), map.landmarks.len()),
-    ] {
-        if expected != got {
-            return Err(Error::LengthMismatch {
-                what,
-                expected,
-                got,
-            });
-        }
-    }
+    map.check_size(problem)?;
     let undetermined = map.prune(problem);
     let mut bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {
@@ -147,8 +138,18 @@ pub fn refine_map<T: Real>(
     let unit = bundle.unit()?;
     bundle.scale(T::one() / unit);
     bundle.bring_in();
+    // Odometry and priors have units, too.
+    let scaled;
+    let active = if active.ties().is_empty() {
+        active
+    } else {
+        scaled = active.scaled(T::one() / unit);
+        &scaled
+    };
     let mut descent = Descent::new(active, options, watch, bundle)?;
-    let termination = if keeps_landmarks(active) {
+    let termination = if is_sparse(active) {
+        minimize_sparse(&mut descent)?
+    } else if keeps_landmarks(active) {
         minimize::<T, 3, 2>(&mut descent)?
     } else {
         minimize::<T, 2, 3>(&mut descent)?
@@ -169,6 +170,35 @@ pub fn refine_map<T: Real>(
     })
 }
 
+/// The cost of a map: half the sum of the losses of residuals over sigma between what it determines, and
+/// of the squares of odometry and priors.
+pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, loss: Loss<T>) -> T {
+    Bundle::from_map(map).linearize(&map.restrict(problem), loss, &mut Rows::new())
+}
+
+/// Whether the sparse equations of everything serve better than the dense ones of what is left when one
+/// kind of block is eliminated.
+///
+/// Ties couple poses, which the elimination of poses does not bear. Otherwise a measured trade: the dense
+/// system is faster as long as it is small.
+pub fn is_sparse<T: Real>(problem: &Problem<T>) -> bool {
+    let kept = (2 * problem.landmarks()).min(3 * problem.views());
+    !problem.ties().is_empty() || kept > MAX_DENSE
+}
+
+/// Largest dense system, in unknowns.
+const MAX_DENSE: usize = 600;
+
+/// Levenberg-Marquardt on the sparse normal equations.
+fn minimize_sparse<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, Error> {
+    let mut normal = Normal::new(descent.problem).ok_or(Error::OutOfMemory)?;
+    let limit = descent.options.max_iterations;
+    match descent.run(&mut normal, limit)? {
+        Rest::Ended(termination) => Ok(termination),
+        Rest::Paused => Ok(Termination::NoProgress),
+    }
+}
+
 /// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept; small problems
 /// that do not converge soon go on with Newton's method.
 fn minimize<T: Real, const E: usize, const K: usize>(
@@ -179,14 +209,6 @@ where
     (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
 {
     let problem = descent.problem;
-    let kept = Linearized { problem, rows: &[] }.kept();
-    if K * kept > MAX_DENSE {
-        return Err(Error::TooLarge {
-            what: "unknowns of the reduced system",
-            bound: MAX_DENSE,
-            got: K * kept,
-        });
-    }
     let mut reduced = Reduced {
         problem,
         schur: Schur::new(),
@@ -194,7 +216,8 @@ where
     };
     let limit = descent.options.max_iterations;
     let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
-    let newton = small && descent.options.damping > T::zero();
+    let squared = descent.options.loss == Loss::Squared;
+    let newton = small && squared && descent.options.damping > T::zero();
     let first = if newton { limit.min(SOON) } else { limit };
     match descent.run(&mut reduced, first)? {
         Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
@@ -225,13 +248,13 @@ where
     fn step(
         &mut self,
         bundle: &Bundle<T>,
-        rows: &[Row<T>],
+        rows: &Rows<T>,
         damping: T,
         result: &mut Bundle<T>,
     ) -> Option<T> {
         let linearized = Linearized {
             problem: self.problem,
-            rows,
+            rows: &rows.sightings,
         };
         if !self
             .schur
@@ -240,6 +263,7 @@ where
             return None;
         }
         let cost = rows
+            .sightings
             .iter()
             .fold(T::zero(), |sum, row| sum + row.residual * row.residual)
             * T::lit(0.5);

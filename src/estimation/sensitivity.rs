@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How far the bearings hold a map.
 
-use super::bundle::Bundle;
+use super::bundle::{Bundle, Rows};
+use super::gauge::free_directions;
 use super::linearized::{Linearized, gauge, keeps_landmarks, kept_positions, spread};
-use super::map::Map;
+use super::loss::Loss;
+use super::map::{Map, Subject};
+use super::normal::Normal;
 use super::problem::Problem;
+use super::refine::is_sparse;
 use super::schur::{Grouped, Schur};
+use super::weakest::{Weak, weakest};
 use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{ComplexField, Matrix2, Vector2};
 
 /// How sensitive a refined map is to noise in the direction that the bearings hold least: the
 /// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
@@ -25,10 +30,12 @@ pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
         &restricted
     };
     let bundle = Bundle::from_map(map);
-    if keeps_landmarks(active) {
-        weakest::<T, 3, 2>(&bundle, active)
+    if is_sparse(active) {
+        weakest_of_all(&bundle, active)
+    } else if keeps_landmarks(active) {
+        weakest_kept::<T, 3, 2>(&bundle, active)
     } else {
-        weakest::<T, 2, 3>(&bundle, active)
+        weakest_kept::<T, 2, 3>(&bundle, active)
     }
 }
 
@@ -36,24 +43,65 @@ pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
 /// else; its huge weight would only drown the rest.
 const TOUCHING: f64 = 1e-4;
 
-fn weakest<T: Real, const E: usize, const K: usize>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64
-where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-{
-    let points = kept_positions::<T, K>(bundle);
-    let size = spread(&points);
-    let mut rows = Vec::new();
-    bundle.linearize(problem, &mut rows);
-    let limit = T::lit(points.len() as f64 / (TOUCHING * TOUCHING)) / size;
-    for row in &mut rows {
+/// Of the views, by the sparse equations.
+fn weakest_of_all<T: Real>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64 {
+    let places = kept_positions::<T, 3>(bundle);
+    let size = spread(&places);
+    let rows = without_touching(bundle, problem, size, places.len());
+    let Some(mut normal) = Normal::new(problem) else {
+        return f64::NAN;
+    };
+    normal.assemble(&rows, &free_directions(problem, bundle));
+    if !normal.factorize(0.0) {
+        return f64::INFINITY;
+    }
+    let square = |weak: &Weak| {
+        let views = weak.direction.chunks_exact(3).take(places.len());
+        views
+            .map(|step| step[0] * step[0] + step[1] * step[1])
+            .sum::<f64>()
+    };
+    // Landmarks that are hardly held may be weaker than what moves the views.
+    let found = weakest(&normal, LOOKED_AT);
+    let largest = found.iter().map(square).fold(0.0, f64::max);
+    ComplexField::sqrt(largest / size.as_f64())
+}
+
+/// Weak directions among which the one that moves the views most is chosen.
+const LOOKED_AT: usize = 8;
+
+/// The problem linearised, without sightings over next to no distance.
+fn without_touching<T: Real>(
+    bundle: &Bundle<T>,
+    problem: &Problem<T>,
+    size: T,
+    count: usize,
+) -> Rows<T> {
+    let mut rows = Rows::new();
+    bundle.linearize(problem, Loss::Squared, &mut rows);
+    let limit = T::lit(count as f64 / (TOUCHING * TOUCHING)) / size;
+    for row in &mut rows.sightings {
         if row.gradient.norm_squared() > limit * row.weight * row.weight {
             row.gradient = Vector2::zeros();
             row.weight = T::zero();
         }
     }
+    rows
+}
+
+fn weakest_kept<T: Real, const E: usize, const K: usize>(
+    bundle: &Bundle<T>,
+    problem: &Problem<T>,
+) -> f64
+where
+    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+{
+    let points = kept_positions::<T, K>(bundle);
+    let size = spread(&points);
+    let rows = without_touching(bundle, problem, size, points.len());
     let linearized = Linearized {
         problem,
-        rows: &rows,
+        rows: &rows.sightings,
     };
     let mut schur = Schur::<T, E, K>::new();
     if !schur.factorize(&linearized, T::zero(), &gauge::<T, K>(bundle)) {
@@ -82,6 +130,13 @@ where
 /// `variance` is that of the residuals over sigma.
 pub fn unbounded_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T) -> Vec<usize> {
     let mut found = Vec::new();
+    let known = |landmark: usize| {
+        let subject = Some(Subject::Landmark(landmark));
+        problem
+            .ties()
+            .iter()
+            .any(|tie| tie.subjects()[0] == subject)
+    };
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };
         let mut information = Matrix2::zeros();
@@ -100,7 +155,7 @@ pub fn unbounded_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance
         let trace = information.trace();
         let determinant = information.determinant().max(T::zero());
         let held = determinant / trace;
-        if trace > T::zero() && held < variance {
+        if trace > T::zero() && held < variance && !known(landmark) {
             found.push(landmark);
         }
     }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How well the bearings fix a map, from the normal equations.
 
-use super::bundle::Bundle;
+use super::bundle::{Bundle, Rows};
 use super::cholesky;
 use super::linearized::{centroid, spread};
+use super::loss::Loss;
 use super::map::Map;
 use super::problem::Problem;
 use crate::scalar::Real;
@@ -33,10 +34,10 @@ pub fn aligned_variances<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<
     if size > MAX_PARAMETERS || !map.is_complete() {
         return None;
     }
-    let mut rows = Vec::new();
-    bundle.linearize(problem, &mut rows);
+    let mut rows = Rows::new();
+    bundle.linearize(problem, Loss::Squared, &mut rows);
     let mut matrix = vec![T::zero(); size * size];
-    for (s, row) in problem.sightings().iter().zip(&rows) {
+    for (s, row) in problem.sightings().iter().zip(&rows.sightings) {
         let (p, x) = (3 * s.view, 3 * views + 2 * s.landmark);
         let [dx, dy, turn] = row.pose();
         let [gx, gy] = row.landmark();

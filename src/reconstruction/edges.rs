@@ -38,6 +38,8 @@ pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T)
                     let seen = s
                         .bearing
                         .inverse_transform_vector(&pose.inverse_transform_point(place).coords);
+                    let lines = !problem.is_oriented() && seen.x < T::zero();
+                    let seen = if lines { -seen } else { seen };
                     let residual = signed_angle(seen.x, seen.y) * s.weight;
                     sum += residual * residual * T::lit(0.5);
                     if sum > bound {

@@ -72,7 +72,7 @@ const HALF_EXPLAINED: f64 = 0.1;
 /// The robust cost of a map over all sightings of the problem, between 0 and their number.
 ///
 /// Each sighting adds `q / (q + c^2)` with q the squared sine of its error (1 and more when it points
-/// away); a sighting that the map does not reach adds 1.
+/// away, unless it is a line); a sighting that the map does not reach adds 1.
 pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
     let bound = T::lit(HALF_EXPLAINED * HALF_EXPLAINED);
     let mut sum = T::zero();
@@ -92,7 +92,7 @@ pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
             let along = ray.re * offset.x + ray.im * offset.y;
             let across = ray.re * offset.y - ray.im * offset.x;
             let square = offset.norm_squared();
-            let error = if along > T::zero() {
+            let error = if along > T::zero() || !problem.is_oriented() {
                 across * across
             } else {
                 square + along * along

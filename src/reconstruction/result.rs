@@ -46,7 +46,7 @@ pub struct Reconstruction<T: Real> {
 impl<T: Real> Reconstruction<T> {
     /// Normalises a map and judges it.
     pub(super) fn new(problem: &Problem<T>, map: &Map<T>, report: Report<T>) -> Self {
-        let map = map.normalized();
+        let map = map.framed(problem);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let (mut squares, mut count) = (T::zero(), T::zero());
         for (&place, residual) in problem.input_order().iter().zip(map.residuals(problem)) {
@@ -59,7 +59,7 @@ impl<T: Real> Reconstruction<T> {
         Self {
             cost: report.cost,
             rms: (squares / count.max(T::one())).sqrt(),
-            freedom: freedom(&map, &residuals),
+            freedom: freedom(problem, &map, &residuals),
             residuals,
             map,
             termination: report.termination,
@@ -72,9 +72,11 @@ impl<T: Real> Reconstruction<T> {
     }
 }
 
-/// Sightings less parameters.
-fn freedom<T: Real>(map: &Map<T>, residuals: &[Option<T>]) -> usize {
+/// What is measured less parameters, but for those of the gauge.
+fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>, residuals: &[Option<T>]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();
-    (residuals.iter().flatten().count() + 4).saturating_sub(3 * views + 2 * landmarks)
+    let (free, numbers) = map.ties(problem);
+    let measured = residuals.iter().flatten().count() + numbers;
+    (measured + free).saturating_sub(3 * views + 2 * landmarks)
 }

@@ -90,7 +90,9 @@ pub fn search<T: Real>(
             Ok(solution) => {
                 let [first, second] = &solution.motions;
                 let margin = 1 + triples.len() / 8;
-                let rivals = second.inconsistent <= first.inconsistent + margin;
+                // The signs of lines tell nothing.
+                let rivals =
+                    !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin;
                 for motion in solution.motions.iter().take(1 + usize::from(rivals)) {
                     let mut map = Map::empty(problem.views(), problem.landmarks());
                     for (&view, pose) in views.iter().zip(motion.poses) {

@@ -5,11 +5,12 @@ use super::bounded::take_out_unbounded;
 use super::minima::{Minima, same};
 use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
+use super::posterior::solve_posterior;
 use super::result::Reconstruction;
 use super::search::{self, Hypotheses, Hypothesis};
 use crate::error::Error;
 use crate::estimation::{
-    Map, Problem, RefineOptions, Report, Subject, Termination, Why, refine_map, sensitivity,
+    Map, Problem, RefineOptions, Report, Subject, Termination, Why, cost, refine_map, sensitivity,
 };
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -55,7 +56,7 @@ pub fn initialize<T: Real>(
         .take(count)
         .map(|Hypothesis { mut map, .. }| {
             let undetermined = map.prune(problem);
-            let cost = cost(problem, &map);
+            let cost = cost(problem, &map, options.refine.loss);
             Reconstruction::new(
                 problem,
                 &map,
@@ -68,17 +69,6 @@ pub fn initialize<T: Real>(
             )
         });
     choose(problem, judged.collect())
-}
-
-/// Half the sum of squared residuals over sigma.
-fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
-    problem
-        .sightings()
-        .iter()
-        .zip(map.residuals(problem))
-        .filter_map(|(s, residual)| residual.map(|r| r * s.weight))
-        .fold(T::zero(), |sum, r| sum + r * r)
-        * T::lit(0.5)
 }
 
 /// Refines a start: one map, no search.
@@ -152,6 +142,9 @@ pub fn solve<T: Real>(
     options: &SolveOptions<T>,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
+    if !problem.ties().is_empty() {
+        return solve_posterior(problem, options, progress);
+    }
     let mut progress = progress;
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
@@ -198,7 +191,7 @@ pub fn solve<T: Real>(
 }
 
 /// Fills in sensitivity and uncertainty.
-fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+pub fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
         let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);

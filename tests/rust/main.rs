@@ -5,6 +5,7 @@ mod batch;
 mod common;
 mod degenerate;
 mod layers;
+mod posterior;
 mod properties;
 mod reference;
 mod refinement;

@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Covariances of poses and landmarks, in a stated gauge.
+
+use super::bundle::{Bundle, Rows};
+use super::gauge::{Held, free_directions};
+use super::loss::Loss;
+use super::map::{Map, Subject};
+use super::normal::Normal;
+use super::problem::Problem;
+use super::refine::Watch;
+use super::weakest::{FREE, weakest};
+use crate::error::Error;
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};
+
+/// What is held fixed while the rest varies: a covariance means nothing without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// The frame in which maps are reported: of what odometry and priors leave free, the first determined
+    /// view and the root mean square distance of the other views from it are held.
+    FirstView,
+    /// Of what odometry and priors leave free, nothing moves on the whole: the covariance after the map has
+    /// been laid over the truth by all its positions. The sum of position variances is the least possible.
+    FreeNetwork,
+    /// What odometry and priors fix; they must leave nothing free.
+    Priors,
+}
+
+impl Frame {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::FirstView, Self::FreeNetwork, Self::Priors];
+
+    /// The name of the variant in lower case with underscores.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FirstView => "first_view",
+            Self::FreeNetwork => "free_network",
+            Self::Priors => "priors",
+        }
+    }
+}
+
+/// Covariances of what a map determines.
+///
+/// They are those of the estimate for the standard deviations that the problem states, to first order. An
+/// infinite variance (and NaN beside the diagonal) is that of something that moves in a direction that
+/// nothing holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covariance<T: Real> {
+    /// In which frame.
+    pub frame: Frame,
+    /// Of each pose (x, y, heading \[rad\]), in the axes of the map.
+    pub poses: Vec<Option<Matrix3<T>>>,
+    /// Of each landmark (x, y).
+    pub landmarks: Vec<Option<Matrix2<T>>>,
+    /// Directions that nothing holds, beyond the gauge.
+    pub free: usize,
+}
+
+/// Columns of the inverse that are solved for at a time.
+const BATCH: usize = 64;
+
+/// Directions beyond the gauge that are looked for; a map with more is all but undetermined.
+const LOOKED_FOR: usize = 12;
+
+/// Damping that makes a singular matrix one that can be factorised.
+const LIFT: f64 = 1e-13;
+
+/// Share of a free direction's largest movement below which a subject stands still in it.
+const STANDS: f64 = 1e-6;
+
+/// Covariances of poses and landmarks of a refined map, (T27).
+///
+/// The sparse normal equations are factorised with anchors that hold the gauge, and their inverse, column by
+/// column, is brought into the frame by an S-transformation. A rank-deficient problem is none to fail at:
+/// what a free direction moves has infinite variance, the rest its own.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
+/// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
+/// not hold the equations; [`Error::Interrupted`] when `watch`, called with the columns
+/// done and their number, says so.
+///
+/// # Example
+/// ```
+/// use bearslam::{
+///     Arena, Frame, Layout, Loss, Problem, SolveOptions, covariance, simulate, solve,
+/// };
+/// let noise = 0.01;
+/// let scene = simulate(Layout::Enclosed, 8, 11, noise, 5, Arena::default())?;
+/// let problem = Problem::dense(8, 11, &scene.bearings, noise)?;
+/// let found = solve(&problem, &SolveOptions::default(), None)?;
+/// let covariance = covariance(&problem, &found.map, Loss::Squared, Frame::FirstView, None)?;
+/// // The first view is what the others are seen from.
+/// assert!(covariance.poses[0].unwrap().norm() < 1e-12);
+/// assert!(covariance.landmarks[3].unwrap().trace() > 0.0);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+///
+/// # Reference
+/// W. Baarda, "S-transformations and criterion matrices", 1973; Triggs et al. 2000, section 9.
+pub fn covariance<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    loss: Loss<T>,
+    frame: Frame,
+    mut watch: Option<Watch<'_>>,
+) -> Result<Covariance<T>, Error> {
+    map.check_size(problem)?;
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return Err(Error::TooFew {
+            what: "views of the map",
+            needed: 1,
+            got: 0,
+        });
+    }
+    let mut rows = Rows::new();
+    bundle.linearize(&active, loss, &mut rows);
+    let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
+    let gauge = free_directions(&active, &bundle);
+    if frame == Frame::Priors && !gauge.is_empty() {
+        return Err(Error::Degenerate {
+            quantity: "number of directions of the whole that odometry and priors leave free",
+            value: gauge.len() as f64,
+            bound: 0.0,
+        });
+    }
+    normal.assemble(&rows, &gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return Err(Error::Degenerate {
+            quantity: "pivot of the normal equations",
+            value: 0.0,
+            bound: f64::EPSILON,
+        });
+    }
+    let free: Vec<Vec<f64>> = weakest(&normal, LOOKED_FOR)
+        .into_iter()
+        .filter(|weak| !(weak.gain < FREE))
+        .map(|weak| weak.direction)
+        .collect();
+    let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
+    let (views, landmarks) = (active.views(), active.landmarks());
+    let subjects = (0..views)
+        .map(Subject::View)
+        .chain((0..landmarks).map(Subject::Landmark));
+    let blocks: Vec<(usize, usize)> = subjects
+        .map(|subject| match subject {
+            Subject::View(view) => (3 * view, 3),
+            Subject::Landmark(landmark) => (3 * views + 2 * landmark, 2),
+        })
+        .collect();
+    let size = normal.size();
+    let mut found = Vec::with_capacity(blocks.len());
+    let mut columns = Vec::new();
+    for batch in blocks.chunks(BATCH / 2) {
+        if let Some(watch) = &mut watch
+            && !watch(found.len(), blocks.len() as f64)
+        {
+            return Err(Error::Interrupted);
+        }
+        let count: usize = batch.iter().map(|(_, width)| width).sum();
+        columns.clear();
+        columns.resize(count * size, 0.0);
+        let first = batch[0].0;
+        for column in 0..count {
+            columns[column * size + first + column] = 1.0;
+        }
+        normal.solve(&mut columns);
+        for &(parameter, width) in batch {
+            let raw = DMatrix::from_fn(width, width, |i, j| {
+                columns[(parameter - first + j) * size + parameter + i]
+            });
+            found.push(transformation.apply(parameter, &raw));
+        }
+    }
+    let mut found = found.into_iter();
+    Ok(Covariance {
+        frame,
+        poses: map
+            .poses
+            .iter()
+            .map(|pose| pose.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| T::lit(b[(i, j)]))))
+            .collect(),
+        landmarks: map
+            .landmarks
+            .iter()
+            .map(|point| point.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| T::lit(b[(i, j)]))))
+            .collect(),
+        free: free.len(),
+    })
+}
+
+/// The inverse of a small matrix; where it has none, that of what has.
+fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let (rows, columns) = matrix.shape();
+    let nothing = DMatrix::zeros(columns, rows);
+    if matrix.is_empty() {
+        return nothing;
+    }
+    let decomposed = matrix.svd(true, true);
+    let bound = decomposed.singular_values.amax() * SINGULAR;
+    decomposed.pseudo_inverse(bound).unwrap_or(nothing)
+}
+
+/// Share of the largest singular value that counts as none.
+const SINGULAR: f64 = 1e-12;
+
+/// Directions moved along the gauge until they obey its constraints.
+fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let count = gauge.len();
+    let solver = inverse(DMatrix::from_fn(count, count, |i, j| {
+        dot(&constraints[i], &gauge[j])
+    }));
+    let framed = |direction: &Vec<f64>| {
+        let violation = DVector::from_fn(count, |i, _| dot(&constraints[i], direction));
+        let step = &solver * violation;
+        let mut direction = direction.clone();
+        for (along, part) in gauge.iter().zip(step.iter()) {
+            for (entry, by) in direction.iter_mut().zip(along) {
+                *entry -= part * by;
+            }
+        }
+        direction
+    };
+    free.iter().map(framed).collect()
+}
+
+/// `S = 1 - E (C^T E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the
+/// constraints C.
+struct Transformation {
+    /// E times `(C^T E)^-1`.
+    lift: DMatrix<f64>,
+    /// The inverse times C.
+    spread: DMatrix<f64>,
+    /// `C^T` times that.
+    core: DMatrix<f64>,
+    free: Vec<Vec<f64>>,
+}
+
+impl Transformation {
+    fn new<T: Real>(
+        normal: &Normal<'_, T>,
+        problem: &Problem<T>,
+        bundle: &Bundle<T>,
+        gauge: &[Vec<f64>],
+        free: &[Vec<f64>],
+        frame: Frame,
+    ) -> Self {
+        let size = normal.size();
+        let views = problem.views();
+        let is_position = |parameter: usize| parameter >= 3 * views || parameter % 3 < 2;
+        let inner = |direction: &Vec<f64>| -> Vec<f64> {
+            let entries = direction.iter().enumerate();
+            entries
+                .map(|(parameter, entry)| if is_position(parameter) { *entry } else { 0.0 })
+                .collect()
+        };
+        let mut constraints = match frame {
+            Frame::FirstView => Held::of(problem).constraints(bundle),
+            Frame::FreeNetwork | Frame::Priors => Vec::new(),
+        };
+        // Priors that fix part of a position leave no frame of a view.
+        if constraints.len() != gauge.len() {
+            constraints = gauge.iter().map(inner).collect();
+        }
+        let free = in_frame(gauge, &constraints, free);
+        // Along what is free for other reasons, in units of standard deviations.
+        let weighted = free.iter().map(|direction| {
+            let entries = direction.iter().enumerate();
+            entries
+                .map(|(parameter, entry)| entry * normal.diagonal(parameter))
+                .collect()
+        });
+        constraints.extend(weighted);
+        let directions: Vec<&Vec<f64>> = gauge.iter().chain(&free).collect();
+        let count = directions.len();
+        let e = DMatrix::from_fn(size, count, |i, j| directions[j][i]);
+        let c = DMatrix::from_fn(size, count, |i, j| constraints[j][i]);
+        let mut spread = c.clone();
+        if count > 0 {
+            normal.solve(spread.as_mut_slice());
+        }
+        Self {
+            lift: &e * inverse(c.transpose() * &e),
+            core: c.transpose() * &spread,
+            spread,
+            free,
+        }
+    }
+
+    /// The block of one subject in the frame, from that of the inverse.
+    fn apply(&self, parameter: usize, raw: &DMatrix<f64>) -> DMatrix<f64> {
+        let width = raw.nrows();
+        let lift = self.lift.rows(parameter, width);
+        let cross = lift * self.spread.rows(parameter, width).transpose();
+        let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
+        let mut block = (&full + full.transpose()) * 0.5;
+        for direction in &self.free {
+            let largest = direction.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+            for k in 0..width {
+                if direction[parameter + k].abs() > STANDS * largest {
+                    block.row_mut(k).fill(f64::NAN);
+                    block.column_mut(k).fill(f64::NAN);
+                    block[(k, k)] = f64::INFINITY;
+                }
+            }
+        }
+        block
+    }
+}

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Losses: how much a residual counts.
+
+use crate::scalar::Real;
+
+/// What a squared residual over sigma, `s = (r / sigma)^2`, adds to twice the cost.
+///
+/// Odometry and priors always count with their squares.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Loss<T: Real> {
+    /// `s`: maximum likelihood under Gaussian noise.
+    #[default]
+    Squared,
+    /// `s` up to `c^2`, `2 c sqrt(s) - c^2` beyond: outliers pull with a constant force.
+    Huber(T),
+    /// `c^2 ln(1 + s / c^2)`: the farther an outlier, the less it pulls.
+    Cauchy(T),
+    /// `min(s, c^2)`: outliers do not pull at all.
+    Truncated(T),
+}
+
+impl<T: Real> Loss<T> {
+    /// Standard deviations at which [`Loss::Huber`] keeps 95 % of the efficiency of least squares under
+    /// Gaussian noise (Huber 1981).
+    pub const HUBER: f64 = 1.345;
+    /// The same for [`Loss::Cauchy`] (Holland and Welsch 1977).
+    pub const CAUCHY: f64 = 2.385;
+    /// Standard deviations beyond which [`Loss::Truncated`] calls a bearing an outlier: one good bearing in
+    /// 370.
+    pub const TRUNCATED: f64 = 3.0;
+
+    /// The loss `rho(s)` and its slope, the weight that the residual has in least squares.
+    ///
+    /// # Example
+    /// ```
+    /// use bearslam::Loss;
+    /// assert_eq!(Loss::Squared.evaluate(4.0), (4.0, 1.0));
+    /// assert_eq!(Loss::Huber(1.0).evaluate(4.0), (3.0, 0.5));
+    /// assert_eq!(Loss::Truncated(3.0).evaluate(16.0), (9.0, 0.0));
+    /// ```
+    #[inline]
+    pub fn evaluate(self, square: T) -> (T, T) {
+        match self {
+            Self::Squared => (square, T::one()),
+            Self::Huber(c) => {
+                if square <= c * c {
+                    (square, T::one())
+                } else {
+                    let root = square.sqrt();
+                    ((root + root - c) * c, c / root)
+                }
+            }
+            Self::Cauchy(c) => {
+                let part = square / (c * c);
+                (c * c * part.ln_1p(), T::one() / (T::one() + part))
+            }
+            Self::Truncated(c) => {
+                if square <= c * c {
+                    (square, T::one())
+                } else {
+                    (c * c, T::zero())
+                }
+            }
+        }
+    }
+
+    /// Its width, in standard deviations; none for [`Loss::Squared`].
+    pub fn width(self) -> Option<T> {
+        match self {
+            Self::Squared => None,
+            Self::Huber(c) | Self::Cauchy(c) | Self::Truncated(c) => Some(c),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_are_differences() {
+        for loss in [
+            Loss::<f64>::Squared,
+            Loss::Huber(1.345),
+            Loss::Cauchy(2.385),
+            Loss::Truncated(3.0),
+        ] {
+            for s in [0.1_f64, 1.0, 1.9, 5.0, 20.0, 400.0] {
+                let step = 1e-6 * s;
+                let difference =
+                    (loss.evaluate(s + step).0 - loss.evaluate(s - step).0) / (2.0 * step);
+                let (value, slope) = loss.evaluate(s);
+                assert!((difference - slope).abs() < 1e-7, "{loss:?} {s}");
+                // None counts more than the square, all like it near zero.
+                assert!(value <= s && loss.evaluate(1e-9).0 > 0.99e-9);
+            }
+        }
+    }
+}

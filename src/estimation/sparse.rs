@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Cholesky factorisation of a sparse symmetric matrix whose pattern stays while its values change: faer,
+//! with its fill-reducing order, on one thread, so that the same matrix gives the same bits.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
+use faer::sparse::linalg::cholesky::{
+    LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side, Spec};
+
+/// The pattern of the lower triangle, column by column, and the factor of the last values.
+pub struct SparseCholesky {
+    size: usize,
+    column_start: Vec<usize>,
+    rows: Vec<usize>,
+    symbolic: SymbolicCholesky<usize>,
+    factor: Vec<f64>,
+    work: MemBuffer,
+}
+
+impl SparseCholesky {
+    /// Analyses a pattern: where each column starts in `rows`, and the end; entries above the diagonal are
+    /// allowed and not read.
+    ///
+    /// `None` when there is not enough memory.
+    pub fn analyse(size: usize, column_start: Vec<usize>, rows: Vec<usize>) -> Option<Self> {
+        let pattern = pattern(size, &column_start, &rows);
+        let symbolic = factorize_symbolic_cholesky(
+            pattern,
+            Side::Lower,
+            SymmetricOrdering::Amd,
+            Default::default(),
+        )
+        .ok()?;
+        let need = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
+        let work = MemBuffer::try_new(need).ok()?;
+        Some(Self {
+            size,
+            column_start,
+            rows,
+            factor: vec![0.0; symbolic.len_val()],
+            symbolic,
+            work,
+        })
+    }
+
+    /// Factorises the matrix with these values in the places of the pattern; `false` when it is not
+    /// positive definite in this arithmetic.
+    pub fn factorize(&mut self, values: &[f64]) -> bool {
+        if values.iter().any(|value| !value.is_finite()) {
+            return false;
+        }
+        let pattern = pattern(self.size, &self.column_start, &self.rows);
+        self.symbolic
+            .factorize_numeric_llt(
+                &mut self.factor,
+                SparseColMatRef::new(pattern, values),
+                Side::Lower,
+                LltRegularization::default(),
+                Par::Seq,
+                MemStack::new(&mut self.work),
+                Spec::default(),
+            )
+            .is_ok()
+    }
+
+    /// Solves in place for right-hand sides that lie one after the other.
+    pub fn solve(&self, sides: &mut [f64]) {
+        let count = sides.len() / self.size.max(1);
+        let need = self.symbolic.solve_in_place_scratch::<f64>(count, Par::Seq);
+        let mut work = MemBuffer::new(need);
+        LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(sides, self.size, count),
+            Par::Seq,
+            MemStack::new(&mut work),
+        );
+    }
+}
+
+fn pattern<'a>(
+    size: usize,
+    column_start: &'a [usize],
+    rows: &'a [usize],
+) -> SymbolicSparseColMatRef<'a, usize> {
+    SymbolicSparseColMatRef::new_checked(size, size, column_start, None, rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    #[test]
+    fn agrees_with_the_dense_factor() {
+        // An arrow with a chain: some fill, some order to be found.
+        let size = 40;
+        let (mut start, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut dense = DMatrix::<f64>::zeros(size, size);
+        for column in 0..size {
+            for row in column..size {
+                let entry = match row - column {
+                    0 => 4.0 + column as f64,
+                    1 => -1.0,
+                    _ if column == 0 => 0.3,
+                    _ => continue,
+                };
+                rows.push(row);
+                values.push(entry);
+                dense[(row, column)] = entry;
+                dense[(column, row)] = entry;
+            }
+            start.push(rows.len());
+        }
+        let mut sparse = SparseCholesky::analyse(size, start, rows).unwrap();
+        assert!(sparse.factorize(&values));
+        let side = DVector::from_fn(2 * size, |k, _| (k as f64).sin());
+        let mut found = side.as_slice().to_vec();
+        sparse.solve(&mut found);
+        let inverse = dense.cholesky().unwrap();
+        for part in 0..2 {
+            let expected = inverse.solve(&side.rows(part * size, size).into_owned());
+            let found = DVector::from_column_slice(&found[part * size..][..size]);
+            assert!((expected - found).norm() < 1e-13);
+        }
+        for bad in [-1.0, f64::NAN] {
+            values[0] = bad;
+            assert!(!sparse.factorize(&values));
+        }
+    }
+}

@@ -1,0 +1,409 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Odometry and priors.
+
+use crate::common;
+use bearslam::{
+    Arena, Error, Frame, LandmarkPrior, Layout, Loss, Map, Noise, Odometry, Pose, PosePrior,
+    Problem, RefineOptions, Scene, Sighting, SolveOptions, covariance, pose, refine, simulate,
+    solve,
+};
+use nalgebra::{Matrix3, Point2, Vector3};
+
+const NOISE: f64 = 0.009;
+const SIGMAS: [f64; 3] = [0.02, 0.02, 0.01];
+
+fn trajectory(views: usize, landmarks: usize, seed: u64) -> Scene {
+    let arena = Arena {
+        sight: 2.0,
+        ..Arena::default()
+    };
+    simulate(Layout::Trajectory, views, landmarks, NOISE, seed, arena).unwrap()
+}
+
+fn bearings(scene: &Scene) -> Problem<f64> {
+    let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
+    Problem::dense(views, landmarks, &scene.bearings, NOISE).unwrap()
+}
+
+fn with_odometry(scene: &Scene, seed: u64) -> Problem<f64> {
+    let odometry = scene.odometry(SIGMAS, seed).unwrap();
+    bearings(scene).with_odometry(&odometry).unwrap()
+}
+
+fn from_truth(problem: &Problem<f64>, scene: &Scene) -> f64 {
+    let found = refine(problem, &scene.map(), &RefineOptions::default(), None);
+    found.unwrap().cost
+}
+
+#[test]
+fn odometry_and_bearings_reach_the_minimum_of_the_truth() {
+    for seed in 0..10 {
+        let scene = trajectory(60, 30, seed);
+        let problem = with_odometry(&scene, seed);
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let best = from_truth(&problem, &scene);
+        assert!(
+            found.cost <= best * (1.0 + 1e-6),
+            "{seed}: {} {best}",
+            found.cost
+        );
+        assert!(found.map.is_complete() || !found.undetermined.is_empty());
+        // Twice the cost is the freedom, within four standard deviations.
+        let freedom = found.freedom as f64;
+        assert!((2.0 * found.cost - freedom).abs() < 4.0 * (2.0 * freedom).sqrt());
+        // The scale is the odometry's, the frame that of the first view.
+        let first = found.map.poses[0].unwrap();
+        assert!(first.translation.vector.norm() < 1e-12 && first.rotation.angle().abs() < 1e-12);
+        let home = scene.poses[0].inverse();
+        for (pose, truth) in found.map.poses.iter().zip(&scene.poses) {
+            let error = pose.unwrap().translation.vector - (home * truth).translation.vector;
+            assert!(error.norm() < 0.5, "{seed} {error}");
+        }
+    }
+}
+
+/// The first half of the views is one robot, the second another, whose odometry begins anew.
+#[test]
+fn two_robots_without_a_common_frame_are_one_problem() {
+    let scene = trajectory(40, 30, 5);
+    let odometry: Vec<_> = scene.odometry(SIGMAS, 1).unwrap();
+    let apart: Vec<_> = odometry.into_iter().filter(|o| o.start != 19).collect();
+    let problem = bearings(&scene).with_odometry(&apart).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!(found.cost <= from_truth(&problem, &scene) * (1.0 + 1e-6));
+    assert!(scene.errors(&found.map).unwrap().position_rms < 0.1);
+}
+
+#[test]
+fn never_worse_than_from_bearings_alone() {
+    for seed in 0..20 {
+        let scene = common::scene(Layout::Mixed, 8, 11, 0.5, seed);
+        // Odometry so bad that a start from it is none.
+        let odometry = scene.odometry([3.0, 3.0, 2.0], seed).unwrap();
+        let alone = Problem::dense(8, 11, &scene.bearings, NOISE).unwrap();
+        let problem = alone.clone().with_odometry(&odometry).unwrap();
+        let options = SolveOptions::default();
+        let found = solve(&problem, &options, None).unwrap();
+        let without = solve(&alone, &options, None).unwrap();
+        let after = refine(&problem, &without.map, &options.refine, None).unwrap();
+        assert!(found.cost <= after.cost * (1.0 + 1e-9), "{seed}");
+    }
+}
+
+#[test]
+fn known_landmarks_fix_the_frame() {
+    let scene = common::scene(Layout::Enclosed, 6, 9, 0.1, 4);
+    let known: Vec<_> = [0, 3, 5]
+        .map(|landmark| LandmarkPrior {
+            landmark,
+            position: scene.landmarks[landmark],
+            noise: Noise::Sigmas([1e-4, 1e-4]),
+        })
+        .into();
+    let sigma = 0.1_f64.to_radians();
+    let problem = Problem::dense(6, 9, &scene.bearings, sigma).unwrap();
+    let problem = problem.with_landmark_priors(&known).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    for (point, truth) in found.map.landmarks.iter().zip(&scene.landmarks) {
+        assert!((point.unwrap() - truth).norm() < 0.1);
+    }
+    for (pose, truth) in found.map.poses.iter().zip(&scene.poses) {
+        assert!((pose.unwrap().translation.vector - truth.translation.vector).norm() < 0.1);
+        assert!(pose.unwrap().rotation.angle_to(&truth.rotation).abs() < 0.05);
+    }
+    let covariance = covariance(&problem, &found.map, Loss::Squared, Frame::Priors, None).unwrap();
+    assert!(covariance.poses[0].unwrap().trace() > 0.0);
+    assert!((covariance.landmarks[0].unwrap()[(0, 0)].sqrt() / 1e-4 - 1.0).abs() < 0.1);
+}
+
+/// Four beacons on a square leave a direction free to bearings alone; known ones do not.
+#[test]
+fn known_beacons_localise_one_view_after_the_other() {
+    let beacons = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)].map(|(x, y)| Point2::new(x, y));
+    let poses: Vec<Pose<f64>> = (0..9)
+        .map(|k| {
+            pose(
+                1.5 + 1.5 * f64::from(k / 3),
+                1.5 + 1.5 * f64::from(k % 3),
+                0.3 * f64::from(k),
+            )
+        })
+        .collect();
+    let table: Vec<f64> = poses
+        .iter()
+        .flat_map(|p| beacons.map(|b| bearslam::bearing_to(p, &b).unwrap().angle()))
+        .collect();
+    let priors: Vec<_> = (0..4)
+        .map(|landmark| LandmarkPrior {
+            landmark,
+            position: beacons[landmark],
+            noise: Noise::Sigmas([0.01, 0.01]),
+        })
+        .collect();
+    let problem = Problem::dense(9, 4, &table, 0.01).unwrap();
+    let problem = problem.with_landmark_priors(&priors).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    for (pose, truth) in found.map.poses.iter().zip(&poses) {
+        let error = pose.unwrap().to_homogeneous() - truth.to_homogeneous();
+        assert!(error.norm() < 1e-6);
+    }
+}
+
+#[test]
+fn a_compass_and_one_known_pose() {
+    let scene = common::scene(Layout::Mixed, 6, 9, 0.0, 2);
+    let unknown = f64::INFINITY;
+    let priors: Vec<_> = scene
+        .poses
+        .iter()
+        .enumerate()
+        .map(|(view, &pose)| PosePrior {
+            view,
+            pose,
+            noise: Noise::Sigmas(if view == 2 {
+                [0.1, 0.1, 0.01]
+            } else {
+                [unknown, unknown, 0.01]
+            }),
+        })
+        .collect();
+    let problem = Problem::dense(6, 9, &scene.bearings, NOISE).unwrap();
+    let problem = problem.with_pose_priors(&priors).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    // Headings and one place are known, the scale is not.
+    for (pose, truth) in found.map.poses.iter().zip(&scene.poses) {
+        assert!(pose.unwrap().rotation.angle_to(&truth.rotation).abs() < 1e-6);
+    }
+    let there = found.map.poses[2].unwrap().translation.vector;
+    assert!((there - scene.poses[2].translation.vector).norm() < 1e-6);
+}
+
+#[test]
+fn covariances_of_odometry_are_accepted_in_full() {
+    let scene = trajectory(30, 20, 3);
+    let mut odometry = scene.odometry(SIGMAS, 3).unwrap();
+    let as_sigmas = bearings(&scene).with_odometry(&odometry).unwrap();
+    for motion in &mut odometry {
+        let square = Vector3::from(SIGMAS).map(|s| s * s);
+        motion.noise = Noise::Covariance([
+            [square.x, 0.0, 0.0],
+            [0.0, square.y, 0.0],
+            [0.0, 0.0, square.z],
+        ]);
+    }
+    let as_covariance = bearings(&scene).with_odometry(&odometry).unwrap();
+    let options = SolveOptions::default();
+    let [a, b] = [as_sigmas, as_covariance].map(|problem| solve(&problem, &options, None).unwrap());
+    assert!((a.cost - b.cost).abs() < 1e-9 * a.cost);
+}
+
+#[test]
+fn wrong_odometry_and_priors_are_named() {
+    let problem = || Problem::dense(2, 1, &[0.1, 0.2], 1.0).unwrap();
+    let motion = Odometry {
+        start: 0,
+        end: 1,
+        delta: pose(1.0, 0.0, 0.0),
+        noise: Noise::Sigmas([0.1, 0.1, 0.1]),
+    };
+    for (bad, message) in [
+        (
+            Odometry { end: 7, ..motion },
+            "odometry: end: expected indices below 2, got 7 at index 0",
+        ),
+        (
+            Odometry { end: 0, ..motion },
+            "odometry: expected motions between two views, got one from view 0 to itself at index 0",
+        ),
+        (
+            Odometry {
+                noise: Noise::Sigmas([0.1, -0.1, 0.1]),
+                ..motion
+            },
+            "odometry: sigma: expected positive numbers, got -0.1 at index 0",
+        ),
+        (
+            Odometry {
+                delta: pose(f64::NAN, 0.0, 0.0),
+                ..motion
+            },
+            "odometry: delta: expected finite numbers, got one that is not at index 0",
+        ),
+    ] {
+        let error = problem().with_odometry(&[bad]).unwrap_err();
+        assert_eq!(error.to_string(), message);
+    }
+    let prior = LandmarkPrior {
+        landmark: 1,
+        position: Point2::new(0.0, 0.0),
+        noise: Noise::Sigmas([1.0, 1.0]),
+    };
+    let error = problem().with_landmark_priors(&[prior]).unwrap_err();
+    assert!(matches!(error, Error::OutOfRange { .. }));
+}
+
+/// Views and landmarks that only odometry reaches are determined; what nothing reaches is not.
+#[test]
+fn odometry_carries_views_that_see_nothing() {
+    let scene = common::scene(Layout::Mixed, 5, 8, 0.0, 9);
+    let sightings: Vec<_> = (0..40)
+        .filter(|k| k / 8 != 4 && k % 8 != 7)
+        .map(|k| Sighting {
+            view: k / 8,
+            landmark: k % 8,
+            bearing: scene.bearings[k],
+            sigma: NOISE,
+        })
+        .collect();
+    let odometry = scene.odometry(SIGMAS, 0).unwrap();
+    let problem = Problem::new(5, 8, &sightings).unwrap();
+    let problem = problem.with_odometry(&odometry).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!(found.map.poses.iter().all(Option::is_some));
+    assert!(found.map.landmarks[7].is_none() && found.undetermined.len() == 1);
+    let cov = covariance(&problem, &found.map, Loss::Squared, Frame::FirstView, None).unwrap();
+    assert!(cov.poses[4].unwrap().trace() > cov.poses[3].unwrap().trace());
+    assert!(cov.landmarks[7].is_none());
+}
+
+#[test]
+fn unoriented_bearings_are_solved_modulo_pi() {
+    for seed in 0..10 {
+        let mut scene = common::scene(Layout::Mixed, 6, 10, 0.1, seed);
+        let sigma = 0.1_f64.to_radians();
+        let straight = Problem::dense(6, 10, &scene.bearings, sigma).unwrap();
+        let straight = solve(&straight, &SolveOptions::default(), None).unwrap();
+        for (k, bearing) in scene.bearings.iter_mut().enumerate() {
+            if (k * 7 + k / 3) % 5 < 2 {
+                *bearing += std::f64::consts::PI;
+            }
+        }
+        let problem = Problem::dense(6, 10, &scene.bearings, sigma)
+            .unwrap()
+            .unoriented();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        assert!(
+            found.cost <= straight.cost * (1.0 + 1e-6),
+            "{seed}: {} {}",
+            found.cost,
+            straight.cost
+        );
+        let half = std::f64::consts::FRAC_PI_2;
+        assert!(found.residuals.iter().flatten().all(|r| r.abs() <= half));
+        assert!(
+            found
+                .map
+                .poses
+                .iter()
+                .flatten()
+                .all(|p| p.rotation.angle().abs() <= half)
+        );
+    }
+}
+
+fn flatten(map: &Map<f64>) -> Vec<f64> {
+    let poses = map.poses.iter().flatten();
+    let poses = poses.flat_map(|p| [p.translation.x, p.translation.y, p.rotation.angle()]);
+    poses
+        .chain(map.landmarks.iter().flatten().flat_map(|p| [p.x, p.y]))
+        .collect()
+}
+
+/// The covariance is what many draws scatter by.
+#[test]
+fn covariance_is_the_scatter_of_estimates() {
+    let noise = 0.05_f64.to_radians();
+    let exact = common::scene(Layout::Enclosed, 6, 10, 0.0, 8);
+    let problem = Problem::dense(6, 10, &exact.bearings, noise).unwrap();
+    let truth = refine(&problem, &exact.map(), &RefineOptions::default(), None).unwrap();
+    let predicted =
+        covariance(&problem, &truth.map, Loss::Squared, Frame::FirstView, None).unwrap();
+    let centre = flatten(&truth.map);
+    let mut squares = vec![0.0; centre.len()];
+    let draws = 400_u32;
+    let mut phase = 0.5_f64;
+    let mut normal = || {
+        // Twelve uniform numbers: near enough to Gaussian for a variance.
+        (0..12)
+            .map(|_| {
+                phase = (phase * 997.13 + 0.731).fract();
+                phase
+            })
+            .sum::<f64>()
+            - 6.0
+    };
+    for _ in 0..draws {
+        let bearings: Vec<f64> = exact
+            .bearings
+            .iter()
+            .map(|b| b + noise * normal())
+            .collect();
+        let problem = Problem::dense(6, 10, &bearings, noise).unwrap();
+        let found = refine(&problem, &exact.map(), &RefineOptions::default(), None).unwrap();
+        for (sum, (a, b)) in squares
+            .iter_mut()
+            .zip(flatten(&found.map).iter().zip(&centre))
+        {
+            *sum += (a - b).powi(2) / f64::from(draws);
+        }
+    }
+    let poses = predicted
+        .poses
+        .iter()
+        .flatten()
+        .flat_map(|c| (0..3).map(move |k| c[(k, k)]));
+    let points = predicted
+        .landmarks
+        .iter()
+        .flatten()
+        .flat_map(|c| (0..2).map(move |k| c[(k, k)]));
+    for (k, (found, expected)) in squares.iter().zip(poses.chain(points)).enumerate() {
+        if k < 3 {
+            assert!(
+                *found < 1e-20 && expected.abs() < 1e-20,
+                "{found} {expected}"
+            );
+        } else {
+            // Four standard deviations of a variance from 400 draws: 28 %.
+            assert!(
+                (found / expected - 1.0).abs() < 0.3,
+                "{k}: {found} {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_free_direction_has_infinite_variance_and_the_rest_its_own() {
+    // Three views of a wall and of nothing else: one direction is free.
+    let poses = [
+        pose(0.0, 0.0, 0.1),
+        pose(1.0, 0.3, -0.2),
+        pose(2.5, -0.4, 0.4),
+        pose(1.5, -1.0, 0.0),
+    ];
+    let wall: Vec<_> = (0..8)
+        .map(|k| Point2::new(f64::from(k) * 0.7 - 1.0, 2.0))
+        .collect();
+    let table: Vec<f64> = poses
+        .iter()
+        .flat_map(|p| {
+            wall.iter()
+                .map(|x| bearslam::bearing_to(p, x).unwrap().angle())
+        })
+        .collect();
+    let problem = Problem::dense(4, 8, &table, 0.01).unwrap();
+    let map = common::map(&poses, &wall);
+    for frame in [Frame::FirstView, Frame::FreeNetwork] {
+        let found = covariance(&problem, &map, Loss::Squared, frame, None).unwrap();
+        assert_eq!(found.free, 1, "{frame:?}");
+        let moves = |c: &&Matrix3<f64>| c.diagonal().iter().any(|v| v.is_infinite());
+        let infinite = found.poses.iter().flatten().filter(moves).count();
+        assert!(infinite >= 3, "{infinite}");
+    }
+    let error = covariance(&problem, &map, Loss::Squared, Frame::Priors, None).unwrap_err();
+    assert!(
+        matches!(error, Error::Degenerate { value: 4.0, .. }),
+        "{error}"
+    );
+}
