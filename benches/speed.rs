@@ -2,8 +2,8 @@
 //! Time of every stage: `cargo bench --bench speed`.
 
 use bearslam::{
-    Arena, Bearing, Layout, Map, Method, Pose, Problem, Real, RefineOptions, Scene, SolveOptions,
-    Triple, refine_map, resect, simulate, solve, three_view, triangulate,
+    Arena, Bearing, Frame, Layout, Loss, Map, Method, Pose, Problem, Real, RefineOptions, Scene,
+    SolveOptions, Triple, covariance, refine_map, resect, simulate, solve, three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::Point2;
@@ -143,6 +143,65 @@ fn refinement(criterion: &mut Criterion) {
     }
 }
 
+/// Odometry and priors: a loop of 100 views, each seeing some of 60 landmarks.
+fn posterior(criterion: &mut Criterion) {
+    let noise = NOISE.to_radians();
+    let arena = Arena {
+        sight: 1.5,
+        ..Arena::default()
+    };
+    let scene = simulate(Layout::Trajectory, 100, 60, noise, 1, arena).expect("a scene");
+    let odometry = scene.odometry([0.02, 0.02, 0.01], 1).expect("odometry");
+    let problem = Problem::dense(100, 60, &scene.bearings, noise).expect("a problem");
+    let problem = problem.with_odometry(&odometry).expect("a problem");
+    let options = SolveOptions::default();
+    criterion.bench_function("refine with odometry/100x60", |bencher| {
+        bencher.iter_batched_ref(
+            || scene.map(),
+            |map| refine_map(black_box(&problem), map, &options.refine, None),
+            BatchSize::SmallInput,
+        );
+    });
+    criterion.bench_function("solve with odometry/100x60", |bencher| {
+        bencher.iter(|| solve(black_box(&problem), &options, None));
+    });
+    let map = scene.map();
+    criterion.bench_function("covariance/100x60", |bencher| {
+        bencher.iter(|| {
+            covariance(
+                black_box(&problem),
+                &map,
+                Loss::Squared,
+                Frame::FirstView,
+                None,
+            )
+        });
+    });
+}
+
+fn losses(criterion: &mut Criterion) {
+    let scene = scene(12, 15, 3);
+    let problem = Problem::dense(12, 15, &scene.bearings, NOISE.to_radians()).expect("a problem");
+    for (name, loss) in [
+        ("huber", Loss::Huber(Loss::<f64>::HUBER)),
+        ("cauchy", Loss::Cauchy(Loss::<f64>::CAUCHY)),
+        ("truncated", Loss::Truncated(Loss::<f64>::TRUNCATED)),
+    ] {
+        let options = RefineOptions {
+            loss,
+            ..RefineOptions::default()
+        };
+        let start = guess(&scene);
+        criterion.bench_function(&format!("refine/{name}/12x15"), |bencher| {
+            bencher.iter_batched_ref(
+                || start.clone(),
+                |map| refine_map(black_box(&problem), map, &options, None),
+                BatchSize::SmallInput,
+            );
+        });
+    }
+}
+
 fn whole(criterion: &mut Criterion) {
     for (views, landmarks) in SIZES {
         // Several scenes, or the figure would be that of one scene's luck.
@@ -172,6 +231,8 @@ fn all(criterion: &mut Criterion) {
     three_views_with_landmarks(criterion);
     kernels(criterion);
     refinement(criterion);
+    losses(criterion);
+    posterior(criterion);
     whole(criterion);
 }
 

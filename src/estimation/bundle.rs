@@ -81,17 +81,28 @@ impl<T: Real> Row<T> {
         }
     }
 
-    /// Weighted as a loss asks, and what it adds to twice the cost.
+    /// A sighting weighted as a loss asks, and what it adds to twice the cost; `PLAIN` for the squares of
+    /// rays, the inner loop of most refinements, which compiles to nothing more than these.
     #[inline]
-    fn tempered(mut self, loss: Loss<T>) -> (Self, T) {
-        let (value, slope) = loss.evaluate(self.residual * self.residual);
+    fn tempered<const PLAIN: bool>(
+        pose: &Pose<T>,
+        landmark: &Point2<T>,
+        s: &Seen<T>,
+        oriented: bool,
+        loss: Loss<T>,
+    ) -> (Self, T) {
+        let mut row = Self::new(pose, landmark, s, PLAIN || oriented);
+        if PLAIN {
+            return (row, row.residual * row.residual);
+        }
+        let (value, slope) = loss.evaluate(row.residual * row.residual);
         if slope < T::one() {
             let root = slope.sqrt();
-            self.gradient *= root;
-            self.weight *= root;
-            self.residual *= root;
+            row.gradient *= root;
+            row.weight *= root;
+            row.residual *= root;
         }
-        (self, value)
+        (row, value)
     }
 
     /// Derivative with respect to the pose `(x, y, theta)`.
@@ -124,6 +135,11 @@ impl<T: Real> Around<T> {
         let step = Vector2::new(xy * y - yy * x, xy * x - xx * y) / determinant;
         (determinant > T::zero()).then_some(step)
     }
+}
+
+/// Whether residuals count with their squares, and bearings are rays.
+fn is_plain<T: Real>(problem: &Problem<T>, loss: Loss<T>) -> bool {
+    problem.is_oriented() && loss == Loss::Squared
 }
 
 /// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
@@ -222,17 +238,11 @@ impl<T: Real> Bundle<T> {
 
     /// Linearises everything; returns the cost, half the sum of the losses and of the squares of the ties.
     pub fn linearize(&self, problem: &Problem<T>, loss: Loss<T>, rows: &mut Rows<T>) -> T {
-        rows.sightings.clear();
-        let oriented = problem.is_oriented();
-        let mut sum = T::zero();
-        for (view, pose) in self.poses.iter().enumerate() {
-            for s in problem.of_view(view) {
-                let row = Row::new(pose, &self.landmarks[s.landmark], s, oriented);
-                let (row, value) = row.tempered(loss);
-                sum += value;
-                rows.sightings.push(row);
-            }
-        }
+        let mut sum = if is_plain(problem, loss) {
+            self.linearize_sightings::<true>(problem, loss, &mut rows.sightings)
+        } else {
+            self.linearize_sightings::<false>(problem, loss, &mut rows.sightings)
+        };
         rows.ties.clear();
         for tie in problem.ties() {
             let row = tie.linearize(self);
@@ -242,18 +252,52 @@ impl<T: Real> Bundle<T> {
         sum * T::lit(0.5)
     }
 
+    /// The sum of the losses.
+    fn linearize_sightings<const PLAIN: bool>(
+        &self,
+        problem: &Problem<T>,
+        loss: Loss<T>,
+        rows: &mut Vec<Row<T>>,
+    ) -> T {
+        rows.clear();
+        let oriented = problem.is_oriented();
+        let mut sum = T::zero();
+        for (view, pose) in self.poses.iter().enumerate() {
+            for s in problem.of_view(view) {
+                let point = &self.landmarks[s.landmark];
+                let (row, value) = Row::tempered::<PLAIN>(pose, point, s, oriented, loss);
+                sum += value;
+                rows.push(row);
+            }
+        }
+        sum
+    }
+
     /// Moves a landmark towards its best place for the poses as they are: a step or two of Gauss-Newton,
     /// as far as the cost falls.
     ///
     /// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
     /// descent may take longer steps (variable projection).
     pub fn settle_landmark(&mut self, problem: &Problem<T>, loss: Loss<T>, landmark: usize) {
+        if is_plain(problem, loss) {
+            self.settle_on_rays::<true>(problem, loss, landmark);
+        } else {
+            self.settle_on_rays::<false>(problem, loss, landmark);
+        }
+    }
+
+    fn settle_on_rays<const PLAIN: bool>(
+        &mut self,
+        problem: &Problem<T>,
+        loss: Loss<T>,
+        landmark: usize,
+    ) {
         let mut point = self.landmarks[landmark];
-        let mut at = self.around(problem, loss, landmark, &point);
+        let mut at = self.around::<PLAIN>(problem, loss, landmark, &point);
         for _ in 0..SETTLING_STEPS {
             let Some(step) = at.step() else { break };
             let moved = point + step;
-            let there = self.around(problem, loss, landmark, &moved);
+            let there = self.around::<PLAIN>(problem, loss, landmark, &moved);
             if !(there.loss < at.loss) || moved.coords.amax() > horizon() {
                 break;
             }
@@ -264,7 +308,7 @@ impl<T: Real> Bundle<T> {
 
     /// What the views tell about one landmark at a place.
     #[inline]
-    fn around(
+    fn around<const PLAIN: bool>(
         &self,
         problem: &Problem<T>,
         loss: Loss<T>,
@@ -279,8 +323,8 @@ impl<T: Real> Bundle<T> {
         let oriented = problem.is_oriented();
         for &k in problem.of_landmark(landmark) {
             let s = &problem.sightings()[k];
-            let row = Row::new(&self.poses[s.view], point, s, oriented);
-            let (row, value) = row.tempered(loss);
+            let pose = &self.poses[s.view];
+            let (row, value) = Row::tempered::<PLAIN>(pose, point, s, oriented, loss);
             let [x, y]: [T; 2] = row.gradient.into();
             around.information[0] += x * x;
             around.information[1] += x * y;

@@ -75,7 +75,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     /// whether one is.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] and [`Error::TooLarge`].
+    /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
     pub fn try_out(
         &mut self,
         hypotheses: impl ExactSizeIterator<Item = Hypothesis<T>>,
@@ -218,7 +218,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
                 report.iterations += used;
                 Ok(Some(Reconstruction::new(self.problem, &map, report)))
             }
-            Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => Err(error),
+            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
             // A hypothesis that cannot even be refined is none.
             Err(error) => {
                 self.failure = Some(error);

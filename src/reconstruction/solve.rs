@@ -123,7 +123,7 @@ pub fn refine<T: Real>(
 /// [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks (four, where there
 /// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
 /// wall, views in one place) or exact bearings leave a direction of the map free;
-/// [`Error::TooLarge`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
+/// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
 /// says so. With noise a degenerate geometry shows in
 /// [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
