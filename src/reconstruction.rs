@@ -5,11 +5,13 @@ mod bounded;
 mod circle;
 mod edges;
 mod expand;
+mod incremental;
 mod minima;
 mod options;
 mod paper;
 mod result;
 mod search;
+mod sight;
 mod solve;
 mod triples;
 

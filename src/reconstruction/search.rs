@@ -181,7 +181,7 @@ fn ranked<T: Real>(mut scored: Scored<T>) -> Vec<Hypothesis<T>> {
 }
 
 /// What to say when no three views share enough landmarks.
-fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
+pub fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
         needed: if problem.views() > 3 {
