@@ -75,17 +75,18 @@ impl<T: Real> Fit<T> {
 pub fn noise<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
     let (mut squares, mut weights, mut count) = (T::zero(), T::zero(), 0);
     for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
+        weights += s.weight * s.weight;
         if let Some(residual) = residual {
             let r = residual * s.weight;
             squares += r * r;
-            weights += s.weight * s.weight;
             count += 1;
         }
     }
     let parameters =
         3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
     let freedom = T::lit((count + 4_usize).saturating_sub(parameters) as f64);
-    let expected = T::lit(EXPECTED_NOISE * EXPECTED_NOISE) * weights / T::lit(count.max(1) as f64);
+    let all = T::lit(problem.sightings().len().max(1) as f64);
+    let expected = T::lit(EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
     let counted = T::lit(EXPECTED_COUNT);
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
