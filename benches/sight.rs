@@ -28,6 +28,12 @@ const METHODS: [(&str, Strategy); 2] = [
     ("global", Strategy::Global),
 ];
 
+/// Methods that are run: a word of the command line.
+fn chosen(name: &str) -> bool {
+    let named: Vec<String> = std::env::args().collect();
+    METHODS.iter().all(|(other, _)| !named.iter().any(|a| a == other)) || named.iter().any(|a| a == name)
+}
+
 const NOISE_DEG: f64 = 0.5;
 
 fn main() {
@@ -62,6 +68,9 @@ fn main() {
             let truth = refine(&problem, &scene.map(), &RefineOptions::default(), None).expect("a refinement");
             truth_time += begin.elapsed().as_secs_f64();
             for (k, (name, strategy)) in METHODS.into_iter().enumerate() {
+                if !chosen(name) {
+                    continue;
+                }
                 let options = SolveOptions { strategy, ..SolveOptions::default() };
                 let begin = Instant::now();
                 let found = solve(&problem, &options, None);
@@ -76,6 +85,9 @@ fn main() {
         }
         let counted = trials as usize - skipped.len();
         for (k, (name, _)) in METHODS.into_iter().enumerate() {
+            if !chosen(name) {
+                continue;
+            }
             println!(
                 "| {} | {views} | {landmarks} | {sight} | {name} | {} of {counted} | {:.0} | {:.0} | {:?} | {skipped:?} |",
                 layout.name(),

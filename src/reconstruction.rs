@@ -5,6 +5,7 @@ mod bounded;
 mod circle;
 mod edges;
 mod expand;
+mod global;
 mod incremental;
 mod minima;
 mod options;

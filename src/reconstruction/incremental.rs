@@ -49,6 +49,34 @@ pub fn grow<T: Real>(
     merge(problem, options, found, progress)
 }
 
+/// The maps of all components from a start of each.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::TooLarge`].
+pub fn finish_all<T: Real>(
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    starts: Vec<Map<T>>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Reconstruction<T>>, Error> {
+    let mut free = vec![true; problem.views()];
+    for pose in starts.iter().flat_map(|map| map.poses.iter().enumerate()) {
+        free[pose.0] &= pose.1.is_none();
+    }
+    let mut found = Vec::new();
+    for map in starts {
+        if let Some(map) = finish(problem, options, map, &free, progress)?
+            && map.freedom > 0
+        {
+            for (free, pose) in free.iter_mut().zip(&map.map.poses) {
+                *free &= pose.is_none();
+            }
+            found.push(map);
+        }
+    }
+    merge(problem, options, found, progress)
+}
+
 /// The first map that a seed leads to: for [`initialize`](super::initialize).
 ///
 /// # Errors

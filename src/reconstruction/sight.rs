@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Which path suits how much the views see, and what becomes of several maps.
 
+use super::global;
 use super::incremental;
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
@@ -44,6 +45,10 @@ pub fn maps<T: Real>(
         Strategy::Incremental => {
             incremental::grow(problem, &options.refine, options.seed, progress)
         }
+        Strategy::Global => {
+            let starts = global::starts(problem, options.seed, progress)?;
+            incremental::finish_all(problem, &options.refine, starts, progress)
+        }
         _ => Ok(Vec::new()),
     }
 }
@@ -63,6 +68,10 @@ pub fn first_map<T: Real>(
         }
         Strategy::Incremental => {
             incremental::first(problem, &options.refine, options.seed, progress)
+        }
+        Strategy::Global => {
+            let starts = global::starts(problem, options.seed, progress)?;
+            Ok(starts.into_iter().next())
         }
         _ => Ok(None),
     }
