@@ -12,9 +12,9 @@ use alloc::vec::Vec;
 use nalgebra::UnitComplex;
 
 /// Triples drawn per view, at least, and of these the best conditioned kept for each view.
-const PER_VIEW: usize = 24;
+const PER_VIEW: usize = 48;
 const FEWEST: usize = 200;
-const KEPT: usize = 12;
+const KEPT: usize = 24;
 
 /// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
 const SHARED: [usize; 2] = [6, 5];
