@@ -4,6 +4,7 @@
 mod complete;
 mod gates;
 mod growth;
+mod locate;
 mod merge;
 mod seeds;
 

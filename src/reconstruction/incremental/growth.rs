@@ -6,14 +6,13 @@
 //! left the gates open wider.
 
 use super::super::options::{Progress, tell};
-use super::complete::meeting;
 use super::gates::{Fit, noise, range_variance};
+use super::locate;
 use crate::error::Error;
 use crate::estimation::{
     MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, RefineOptions, refine_map,
 };
 use crate::geometry::Pose;
-use crate::kernels::resect;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -147,20 +146,16 @@ impl<'a, T: Real> Growth<'a, T> {
     /// The pose of a view that passes the gates, and how far it is held: one over the standard deviation of its
     /// heading, in units of the noise.
     fn locate(&self, view: usize) -> Option<(Pose<T>, T)> {
-        let seen = self.problem.of_view(view).iter().filter_map(|s| {
-            self.map.landmarks[s.landmark].map(|point| (point, s.bearing))
-        });
-        let count = seen.clone().count();
-        if count < HOLDING[self.level] {
+        if self.map.connections_of_view(self.problem, view) < HOLDING[self.level] {
             return None;
         }
-        let found = resect(seen).ok()?;
-        let fit = Fit::of_view(self.problem, &self.map, view, &found.pose);
+        let (found, pose, fit) = locate::view(self.problem, &self.map, view)?;
+        let count = T::lit(fit.count as f64);
         let weight = self.problem.of_view(view)[0].weight;
-        let held = found.gap * T::lit(count as f64).sqrt() * weight / self.noise;
+        let held = found.gap * count.sqrt() * weight / self.noise;
         let last = self.level + 1 == GATES.len();
         let fits = fit.passes(MIN_LANDMARKS_OF_VIEW, self.noise, GATES[self.level]);
-        (fits && (last || held * T::lit(MAX_DEVIATION) > T::one())).then_some((found.pose, held))
+        (fits && (last || held * T::lit(MAX_DEVIATION) > T::one())).then_some((pose, held))
     }
 
     /// Adds the landmarks that the views hold.
@@ -174,10 +169,9 @@ impl<'a, T: Real> Growth<'a, T> {
 
     /// The place of a landmark that passes the gates.
     fn place(&self, landmark: usize) -> Option<Point2<T>> {
-        let point = meeting(self.problem, &self.map, landmark)?;
+        let (point, fit) = locate::landmark(self.problem, &self.map, landmark)?;
         let variance = range_variance(self.problem, &self.map, landmark, &point);
         let bound = T::lit(MAX_DEVIATION) / self.noise;
-        let fit = Fit::of_landmark(self.problem, &self.map, landmark, &point);
         (fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, GATES[0]) && variance < bound * bound)
             .then_some(point)
     }
