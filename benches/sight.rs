@@ -8,8 +8,8 @@
 //! by no more than 1e-5 of it plus 1e-12.
 
 use bearslam::{
-    Arena, Error, Layout, Problem, Reconstruction, RefineOptions, Scene, SolveOptions, Strategy, refine,
-    simulate, solve,
+    Arena, Error, Layout, Problem, Reconstruction, RefineOptions, Scene, SolveOptions, Strategy,
+    refine, simulate, solve,
 };
 use nalgebra::DMatrix;
 use std::time::Instant;
@@ -31,26 +31,40 @@ const METHODS: [(&str, Strategy); 2] = [
 /// Methods that are run: a word of the command line.
 fn chosen(name: &str) -> bool {
     let named: Vec<String> = std::env::args().collect();
-    METHODS.iter().all(|(other, _)| !named.iter().any(|a| a == other)) || named.iter().any(|a| a == name)
+    METHODS
+        .iter()
+        .all(|(other, _)| !named.iter().any(|a| a == other))
+        || named.iter().any(|a| a == name)
 }
 
 const NOISE_DEG: f64 = 0.5;
 
 fn main() {
-    let numbers: Vec<u64> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    let numbers: Vec<u64> = std::env::args()
+        .skip(1)
+        .filter_map(|a| a.parse().ok())
+        .collect();
     let trials = numbers.first().copied().unwrap_or(100);
     let seed = numbers.get(1).copied().unwrap_or(0);
     let only = numbers.get(2).copied();
     let known = std::env::args().any(|a| a == "known");
     let verbose = std::env::args().any(|a| a == "verbose");
-    println!("{trials} scenes a setting from seed {seed}, {NOISE_DEG} degrees, sigma {}\n", if known { "known" } else { "unknown" });
-    println!("| layout | views | landmarks | sight | method | recovered | mean time \\[ms\\] | worst \\[ms\\] | missed | not counted |");
+    println!(
+        "{trials} scenes a setting from seed {seed}, {NOISE_DEG} degrees, sigma {}\n",
+        if known { "known" } else { "unknown" }
+    );
+    println!(
+        "| layout | views | landmarks | sight | method | recovered | mean time \\[ms\\] | worst \\[ms\\] | missed | not counted |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for (number, (layout, views, landmarks, sight)) in SETTINGS.into_iter().enumerate() {
         if only.is_some_and(|only| only != number as u64) {
             continue;
         }
-        let arena = Arena { sight, ..Arena::default() };
+        let arena = Arena {
+            sight,
+            ..Arena::default()
+        };
         let noise = NOISE_DEG.to_radians();
         let mut skipped = Vec::new();
         let mut missed = [Vec::new(), Vec::new()];
@@ -59,19 +73,24 @@ fn main() {
         for seed in seed..seed + trials {
             let scene = simulate(layout, views, landmarks, noise, seed, arena).expect("a scene");
             let sigma = if known { noise } else { 1.0 };
-            let problem = Problem::dense(views, landmarks, &scene.bearings, sigma).expect("a problem");
+            let problem =
+                Problem::dense(views, landmarks, &scene.bearings, sigma).expect("a problem");
             if free_directions(&scene, landmarks) > 4 {
                 skipped.push(seed);
                 continue;
             }
             let begin = Instant::now();
-            let truth = refine(&problem, &scene.map(), &RefineOptions::default(), None).expect("a refinement");
+            let truth = refine(&problem, &scene.map(), &RefineOptions::default(), None)
+                .expect("a refinement");
             truth_time += begin.elapsed().as_secs_f64();
             for (k, (name, strategy)) in METHODS.into_iter().enumerate() {
                 if !chosen(name) {
                     continue;
                 }
-                let options = SolveOptions { strategy, ..SolveOptions::default() };
+                let options = SolveOptions {
+                    strategy,
+                    ..SolveOptions::default()
+                };
                 let begin = Instant::now();
                 let found = solve(&problem, &options, None);
                 times[k].push(begin.elapsed().as_secs_f64() * 1e3);
@@ -98,7 +117,10 @@ fn main() {
             );
         }
         if verbose {
-            println!("refinement from the truth: {:.0} ms", truth_time / counted as f64 * 1e3);
+            println!(
+                "refinement from the truth: {:.0} ms",
+                truth_time / counted as f64 * 1e3
+            );
         }
     }
 }
@@ -108,12 +130,21 @@ fn recovered(found: &Result<Reconstruction<f64>, Error>, truth: &Reconstruction<
     let Ok(found) = found else { return false };
     let poses = truth.map.poses.iter().zip(&found.map.poses);
     let landmarks = truth.map.landmarks.iter().zip(&found.map.landmarks);
-    poses.clone().all(|(truth, found)| truth.is_none() || found.is_some())
-        && landmarks.clone().all(|(truth, found)| truth.is_none() || found.is_some())
+    poses
+        .clone()
+        .all(|(truth, found)| truth.is_none() || found.is_some())
+        && landmarks
+            .clone()
+            .all(|(truth, found)| truth.is_none() || found.is_some())
         && found.cost <= truth.cost * (1.0 + 1e-5) + 1e-12
 }
 
-fn report(name: &str, seed: u64, found: &Result<Reconstruction<f64>, Error>, truth: &Reconstruction<f64>) {
+fn report(
+    name: &str,
+    seed: u64,
+    found: &Result<Reconstruction<f64>, Error>,
+    truth: &Reconstruction<f64>,
+) {
     match found {
         Err(error) => println!("{name} {seed}: {error}"),
         Ok(found) => println!(
@@ -140,7 +171,10 @@ fn free_directions(scene: &Scene, landmarks: usize) -> usize {
     loop {
         let before = (view.clone(), landmark.clone());
         for i in 0..views {
-            view[i] &= (0..landmarks).filter(|&j| landmark[j] && seen(i, j)).count() >= 3;
+            view[i] &= (0..landmarks)
+                .filter(|&j| landmark[j] && seen(i, j))
+                .count()
+                >= 3;
         }
         for j in 0..landmarks {
             landmark[j] &= (0..views).filter(|&i| view[i] && seen(i, j)).count() >= 2;
@@ -156,7 +190,13 @@ fn free_directions(scene: &Scene, landmarks: usize) -> usize {
             let d = scene.landmarks[j].coords - scene.poses[i].translation.vector;
             let g = [-d.y / d.norm_squared(), d.x / d.norm_squared()];
             let x = 3 * views + 2 * j;
-            let row = [(3 * i, -g[0]), (3 * i + 1, -g[1]), (3 * i + 2, -1.0), (x, g[0]), (x + 1, g[1])];
+            let row = [
+                (3 * i, -g[0]),
+                (3 * i + 1, -g[1]),
+                (3 * i + 2, -1.0),
+                (x, g[0]),
+                (x + 1, g[1]),
+            ];
             for (a, u) in row {
                 for (b, v) in row {
                     information[(a, b)] += u * v;
@@ -165,13 +205,16 @@ fn free_directions(scene: &Scene, landmarks: usize) -> usize {
         }
     }
     // Parameters in units of their conditional standard deviations.
-    let scale: Vec<f64> = (0..size).map(|k| information[(k, k)].max(f64::MIN_POSITIVE).sqrt()).collect();
+    let scale: Vec<f64> = (0..size)
+        .map(|k| information[(k, k)].max(f64::MIN_POSITIVE).sqrt())
+        .collect();
     for a in 0..size {
         for b in 0..size {
             information[(a, b)] /= scale[a] * scale[b];
         }
     }
-    let missing = 3 * view.iter().filter(|v| !**v).count() + 2 * landmark.iter().filter(|v| !**v).count();
+    let missing =
+        3 * view.iter().filter(|v| !**v).count() + 2 * landmark.iter().filter(|v| !**v).count();
     let values = information.symmetric_eigenvalues();
     // Squares of singular values that are rounding.
     values.iter().filter(|value| value.abs() < 1e-12).count() - missing

@@ -12,14 +12,21 @@ use super::minima::{SAME_COST, is_plausible, same};
 use super::options::{Progress, tell};
 use super::result::Reconstruction;
 use crate::error::Error;
-use crate::estimation::{Map, Problem, RefineOptions, refine_map};
+use crate::estimation::{Map, Problem, RefineOptions, Termination, refine_map};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use growth::Growth;
 
 /// Seeds that are tried for a map before the best is taken as it is.
-const ATTEMPTS: usize = 6;
+const ATTEMPTS: usize = 12;
+
+/// Iterations that the map of a seed gets at its end: one that has grown well needs two to five.
+const FIRST_ITERATIONS: usize = 20;
+
+/// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the best.
+const MAX_FINISHED: usize = 2;
+const HOPELESS: f64 = 30.0;
 
 /// Views to which both branches of a seed grow before the better goes on.
 const TRIAL: usize = 8;
@@ -90,7 +97,10 @@ pub fn first<T: Real>(
 ) -> Result<Option<Map<T>>, Error> {
     let free = vec![true; problem.views()];
     for views in seeds::seeds(problem, seed)?.into_iter().take(ATTEMPTS) {
-        if let Some(map) = from_seed(problem, options, views, &free, progress)?.into_iter().next() {
+        if let Some(map) = from_seed(problem, options, views, &free, progress)?
+            .into_iter()
+            .next()
+        {
             return Ok(Some(map));
         }
     }
@@ -106,23 +116,31 @@ fn component<T: Real>(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction<T>>, Error> {
     let mut found: Vec<Reconstruction<T>> = Vec::new();
+    let mut unfinished: Vec<Reconstruction<T>> = Vec::new();
+    let first = RefineOptions {
+        max_iterations: options.max_iterations.min(FIRST_ITERATIONS),
+        ..*options
+    };
     // Seeds have no view in common, as far as there are such.
     let mut used = vec![false; problem.views()];
-    let fresh = |used: &[bool]| {
-        let fresh = |views: &&[usize; 3]| views.iter().all(|&view| free[view] && !used[view]);
-        seeds.iter().find(fresh).copied()
-    };
     for _ in 0..ATTEMPTS {
-        let Some(views) = fresh(&used) else { break };
+        let fresh = |views: &&[usize; 3]| views.iter().all(|&view| free[view] && !used[view]);
+        let Some(&views) = seeds.iter().find(fresh) else {
+            break;
+        };
         for view in views {
             used[view] = true;
         }
         for map in from_seed(problem, options, views, free, progress)? {
-            let Some(map) = finish(problem, options, map, free, progress)? else {
+            let Some(map) = finish(problem, &first, map, free, progress)? else {
                 continue;
             };
             // Something must check the map.
             if map.freedom == 0 {
+                continue;
+            }
+            if map.termination == Termination::MaxIterations {
+                unfinished.push(map);
                 continue;
             }
             let beyond_doubt = is_plausible(&map) || confirms(&found, &map);
@@ -131,6 +149,13 @@ fn component<T: Real>(
                 return Ok(best(found));
             }
         }
+    }
+    // What goes on is what may still be the best.
+    let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
+    unfinished.retain(|map| variance(map) <= HOPELESS * least);
+    unfinished.sort_by(|a, b| variance(a).total_cmp(&variance(b)));
+    for map in unfinished.into_iter().take(MAX_FINISHED) {
+        found.extend(finish(problem, options, map.map, free, progress)?);
     }
     Ok(best(found))
 }
@@ -155,7 +180,9 @@ fn from_seed<T: Real>(
     let Some((reached, variance)) = growths.first().map(|first| (first.0, first.1)) else {
         return Ok(Vec::new());
     };
-    growths.retain(|growth| growth.0 == reached && growth.1 < CLEARLY * variance.max(f64::MIN_POSITIVE));
+    growths.retain(|growth| {
+        growth.0 == reached && growth.1 < CLEARLY * variance.max(f64::MIN_POSITIVE)
+    });
     let mut maps = Vec::new();
     for (_, _, mut growth) in growths {
         growth.grow(usize::MAX, progress)?;
@@ -172,9 +199,27 @@ pub fn finish<T: Real>(
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction<T>>, Error> {
-    complete::complete(problem, &mut map, free);
-    refined(problem, options, map, progress)
+    let mut best: Option<Reconstruction<T>> = None;
+    for _ in 0..COMPLETIONS {
+        // The gauge of a reconstruction is as good as any.
+        if let Some(found) = &best {
+            map = found.map.clone();
+        }
+        let before = map.poses.iter().flatten().count();
+        complete::complete(problem, &mut map, free);
+        if best.is_some() && map.poses.iter().flatten().count() == before {
+            break;
+        }
+        match refined(problem, options, map.clone(), progress)? {
+            Some(found) => best = Some(found),
+            None => break,
+        }
+    }
+    Ok(best)
 }
+
+/// Refinements of a map, each of which may make room for a view that did not fit before.
+const COMPLETIONS: usize = 3;
 
 /// A map refined; `None` when it cannot be.
 fn refined<T: Real>(
@@ -201,6 +246,11 @@ fn confirms<T: Real>(others: &[Reconstruction<T>], found: &Reconstruction<T>) ->
         && others.iter().any(|other| same(&other.map, &found.map))
 }
 
+/// The cost per degree of freedom.
+fn variance<T: Real>(found: &Reconstruction<T>) -> f64 {
+    found.cost.as_f64() / found.freedom.max(1) as f64
+}
+
 /// Number of views in a map.
 fn views<T: Real>(found: &Reconstruction<T>) -> usize {
     found.map.poses.iter().flatten().count()
@@ -211,7 +261,6 @@ const AS_GOOD: f64 = 4.0;
 
 /// Of those that fit about as well as the best, the one that reaches most, then the lowest.
 fn best<T: Real>(found: Vec<Reconstruction<T>>) -> Option<Reconstruction<T>> {
-    let variance = |found: &Reconstruction<T>| found.cost.as_f64() / found.freedom.max(1) as f64;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     found.into_iter().min_by(|a, b| {
         let misfits = |found: &Reconstruction<T>| !(variance(found) <= AS_GOOD * least);
@@ -250,7 +299,11 @@ fn merge<T: Real>(
                 pair = Some((0, 1));
             }
             _ => {
-                pair = Some(if b + 1 < found.len() { (a, b + 1) } else { (a + 1, a + 2) });
+                pair = Some(if b + 1 < found.len() {
+                    (a, b + 1)
+                } else {
+                    (a + 1, a + 2)
+                });
             }
         }
     }

@@ -47,7 +47,9 @@ pub fn average<T: Real>(
         }
         let mut sizes: Vec<T> = pairs.iter().map(|&(_, _, e, q)| e.abs() * q).collect();
         sizes.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
-        let Some(&median) = sizes.get(sizes.len() / 2) else { break };
+        let Some(&median) = sizes.get(sizes.len() / 2) else {
+            break;
+        };
         let scale = median * T::lit(CAUCHY) + T::eps();
         let mut matrix = DMatrix::zeros(group.len(), group.len());
         let mut right = DVector::zeros(group.len());
@@ -64,7 +66,9 @@ pub fn average<T: Real>(
         // One heading is free: the first stays.
         let stiffness = matrix.diagonal().sum();
         matrix[(0, 0)] += stiffness;
-        let Some(factor) = matrix.cholesky() else { break };
+        let Some(factor) = matrix.cholesky() else {
+            break;
+        };
         factor.solve_mut(&mut right);
         for (&view, turn) in group.iter().zip(right.iter()) {
             if let Some(heading) = &mut headings[view] {
@@ -103,12 +107,11 @@ fn nearest<T: Real>(
 }
 
 /// First headings: from the best triple without a rival outwards.
-fn spanning_tree<T: Real>(
-    views: usize,
-    relatives: &[&Relative<T>],
-) -> Vec<Option<UnitComplex<T>>> {
+fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Option<UnitComplex<T>>> {
     let mut headings = vec![None; views];
-    let clear = relatives.iter().find(|relative| relative.branches.len() == 1);
+    let clear = relatives
+        .iter()
+        .find(|relative| relative.branches.len() == 1);
     let Some(first) = clear.or(relatives.first()) else {
         return headings;
     };
@@ -116,9 +119,18 @@ fn spanning_tree<T: Real>(
     // Two known views tell the branches of a triple apart; a triple with a rival and one known view waits.
     loop {
         let attaches = |relative: &&&Relative<T>, fewest: usize| {
-            let known = relative.views.iter().filter(|&&view| headings[view].is_some());
+            let known = relative
+                .views
+                .iter()
+                .filter(|&&view| headings[view].is_some());
             let known = known.count();
-            known < 3 && known >= if relative.branches.len() == 1 { 1 } else { fewest }
+            known < 3
+                && known
+                    >= if relative.branches.len() == 1 {
+                        1
+                    } else {
+                        fewest
+                    }
         };
         let mut candidates = relatives.iter();
         let next = candidates
@@ -134,7 +146,9 @@ fn attach<T: Real>(relative: &Relative<T>, headings: &mut [Option<UnitComplex<T>
     let mut best: Option<(T, [UnitComplex<T>; 3])> = None;
     for branch in &relative.branches {
         let turns = (0..3).filter_map(|k| Some(headings[relative.views[k]]? * branch[k].inverse()));
-        let Some(turn) = turns.clone().next() else { return };
+        let Some(turn) = turns.clone().next() else {
+            return;
+        };
         let apart = turns.fold(T::zero(), |sum, other| sum + turn.angle_to(&other).abs());
         if best.is_none_or(|(least, _)| apart < least) {
             best = Some((apart, branch.map(|heading| turn * heading)));

@@ -64,10 +64,7 @@ impl<T: Real> Bundle<T> {
 /// the sine of the angular error is small, (T25). Landmarks are eliminated in closed form; the positions are the smallest eigenvector of what
 /// is left, after the two translations: inverse iteration, from the direction in which all landmarks move
 /// ahead of the views that see them.
-pub fn solve<T: Real>(
-    problem: &Problem<T>,
-    headings: &[Option<UnitComplex<T>>],
-) -> Option<Map<T>> {
+pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>]) -> Option<Map<T>> {
     let mut slot = vec![usize::MAX; headings.len()];
     let mut views = Vec::new();
     for (view, heading) in headings.iter().enumerate() {
@@ -133,7 +130,11 @@ fn round<T: Real>(
         for a in &bundle.rays {
             let row = a.row();
             let through = inverse * row;
-            add(&mut ahead, a.view, row * through.dot(&pull) - a.along * a.weight);
+            add(
+                &mut ahead,
+                a.view,
+                row * through.dot(&pull) - a.along * a.weight,
+            );
             for b in &bundle.rays {
                 let other = b.row();
                 let mut factor = -through.dot(&other);
@@ -193,7 +194,9 @@ fn reweight<T: Real>(bundles: &mut [Bundle<T>], positions: &DVector<T>) {
         .flat_map(|bundle| bundle.rays.iter().map(move |ray| range(bundle, ray)))
         .collect();
     ranges.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
-    let Some(&median) = ranges.get(ranges.len() / 2) else { return };
+    let Some(&median) = ranges.get(ranges.len() / 2) else {
+        return;
+    };
     for bundle in bundles {
         for k in 0..bundle.rays.len() {
             let range = range(bundle, &bundle.rays[k]).max(median * T::lit(NEAREST));

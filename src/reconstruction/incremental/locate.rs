@@ -99,7 +99,11 @@ const FAR: f64 = 30.0;
 
 /// The root mean square distance of the views from the first.
 fn size<T: Real>(map: &Map<T>) -> T {
-    let mut views = map.poses.iter().flatten().map(|pose| pose.translation.vector);
+    let mut views = map
+        .poses
+        .iter()
+        .flatten()
+        .map(|pose| pose.translation.vector);
     let Some(first) = views.next() else {
         return T::one();
     };

@@ -33,11 +33,9 @@ pub fn seeds<T: Real>(problem: &Problem<T>, seed: u64) -> Result<Vec<[usize; 3]>
             }
             let (triples, _) = common_bearings(problem, views);
             match CalibratedTensor::estimate(&triples, 0) {
-                Ok(tensor) => found.push((
-                    triples.len() < SHARED[0],
-                    tensor.quality().as_f64(),
-                    views,
-                )),
+                Ok(tensor) => {
+                    found.push((triples.len() < SHARED[0], tensor.quality().as_f64(), views))
+                }
                 Err(error) => failure = Some(error),
             }
         }
