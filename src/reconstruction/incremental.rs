@@ -9,14 +9,16 @@ mod merge;
 mod seeds;
 
 use super::minima::{SAME_COST, is_plausible, same};
-use super::options::{Progress, tell};
+use super::options::Progress;
 use super::result::Reconstruction;
 use crate::error::Error;
-use crate::estimation::{Map, Problem, RefineOptions, Termination, refine_map};
+use crate::estimation::{Map, Problem, RefineOptions, Termination};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
+use complete::finish;
 use growth::Growth;
+use merge::{best, merge, variance, views};
 
 /// Seeds that are tried for a map before the best is taken as it is.
 const ATTEMPTS: usize = 12;
@@ -146,18 +148,19 @@ fn component<T: Real>(
             let beyond_doubt = is_plausible(&map) || confirms(&found, &map);
             found.push(map);
             if beyond_doubt {
-                return Ok(best(found));
+                return Ok(best(problem, found));
             }
         }
     }
     // What goes on is what may still be the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    unfinished.retain(|map| variance(map) <= HOPELESS * least);
+    let rounding = gates::rounding(problem);
+    unfinished.retain(|map| variance(map) <= HOPELESS * least + rounding);
     unfinished.sort_by(|a, b| variance(a).total_cmp(&variance(b)));
     for map in unfinished.into_iter().take(MAX_FINISHED) {
         found.extend(finish(problem, options, map.map, free, progress)?);
     }
-    Ok(best(found))
+    Ok(best(problem, found))
 }
 
 /// The maps that a seed grows to: one, or two when neither branch is clearly better.
@@ -191,52 +194,6 @@ fn from_seed<T: Real>(
     Ok(maps)
 }
 
-/// The last refinement of a map, of everything that has a place in it.
-pub fn finish<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut map: Map<T>,
-    free: &[bool],
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
-    let mut best: Option<Reconstruction<T>> = None;
-    for _ in 0..COMPLETIONS {
-        // The gauge of a reconstruction is as good as any.
-        if let Some(found) = &best {
-            map = found.map.clone();
-        }
-        let before = map.poses.iter().flatten().count();
-        complete::complete(problem, &mut map, free);
-        if best.is_some() && map.poses.iter().flatten().count() == before {
-            break;
-        }
-        match refined(problem, options, map.clone(), progress)? {
-            Some(found) => best = Some(found),
-            None => break,
-        }
-    }
-    Ok(best)
-}
-
-/// Refinements of a map, each of which may make room for a view that did not fit before.
-const COMPLETIONS: usize = 3;
-
-/// A map refined; `None` when it cannot be.
-fn refined<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut map: Map<T>,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
-    let total = options.max_iterations;
-    let mut watch = |done, _| tell(progress, "refine", done, total);
-    match refine_map(problem, &mut map, options, Some(&mut watch)) {
-        Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
-        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => Err(error),
-        Err(_) => Ok(None),
-    }
-}
-
 /// Whether a map is the lowest known, and another seed has led to it before.
 fn confirms<T: Real>(others: &[Reconstruction<T>], found: &Reconstruction<T>) -> bool {
     let reached = views(found);
@@ -244,69 +201,4 @@ fn confirms<T: Real>(others: &[Reconstruction<T>], found: &Reconstruction<T>) ->
         .iter()
         .all(|other| views(other) < reached || other.cost >= found.cost * T::lit(SAME_COST))
         && others.iter().any(|other| same(&other.map, &found.map))
-}
-
-/// The cost per degree of freedom.
-fn variance<T: Real>(found: &Reconstruction<T>) -> f64 {
-    found.cost.as_f64() / found.freedom.max(1) as f64
-}
-
-/// Number of views in a map.
-fn views<T: Real>(found: &Reconstruction<T>) -> usize {
-    found.map.poses.iter().flatten().count()
-}
-
-/// A map fits about as well as another when its cost per degree of freedom is at most so many times the other's.
-const AS_GOOD: f64 = 4.0;
-
-/// Of those that fit about as well as the best, the one that reaches most, then the lowest.
-fn best<T: Real>(found: Vec<Reconstruction<T>>) -> Option<Reconstruction<T>> {
-    let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    found.into_iter().min_by(|a, b| {
-        let misfits = |found: &Reconstruction<T>| !(variance(found) <= AS_GOOD * least);
-        misfits(a)
-            .cmp(&misfits(b))
-            .then(a.undetermined.len().cmp(&b.undetermined.len()))
-            .then(a.cost.as_f64().total_cmp(&b.cost.as_f64()))
-    })
-}
-
-/// Joins maps that share landmarks; the largest first.
-fn merge<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut found: Vec<Reconstruction<T>>,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Reconstruction<T>>, Error> {
-    let nothing = vec![false; problem.views()];
-    let mut pair = Some((0, 1));
-    while let Some((a, b)) = pair.filter(|&(_, b)| b < found.len()) {
-        let start = merge::merged(problem, &found[a].map, &found[b].map);
-        let joined = match start {
-            Some(start) => finish(problem, options, start, &nothing, progress)?,
-            None => None,
-        };
-        let apart = found[a].cost + found[b].cost;
-        let freedom = found[a].freedom + found[b].freedom;
-        match joined {
-            // As good as apart, per degree of freedom: they belong together.
-            Some(joined)
-                if joined.cost.as_f64() / joined.freedom.max(1) as f64
-                    <= AS_GOOD * apart.as_f64() / freedom.max(1) as f64 =>
-            {
-                found[a] = joined;
-                found.remove(b);
-                pair = Some((0, 1));
-            }
-            _ => {
-                pair = Some(if b + 1 < found.len() {
-                    (a, b + 1)
-                } else {
-                    (a + 1, a + 2)
-                });
-            }
-        }
-    }
-    found.sort_by_key(|found| core::cmp::Reverse(views(found)));
-    Ok(found)
 }

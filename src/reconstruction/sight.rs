@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Which path suits how much the views see, and what becomes of several maps.
 
+use super::expand::resect_view;
 use super::global;
 use super::incremental;
 use super::options::{Progress, SolveOptions, Strategy};
@@ -79,8 +80,11 @@ pub fn first_map<T: Real>(
 
 /// The largest map with the others as its components; `None` of none.
 ///
-/// What has a place in any of them is not undetermined. The others list only what they alone have left out.
-pub fn gather<T: Real>(maps: Vec<Reconstruction<T>>) -> Option<Reconstruction<T>> {
+/// What has a place in any of them is not undetermined. The others list only their landmarks at infinity.
+pub fn gather<T: Real>(
+    problem: &Problem<T>,
+    maps: Vec<Reconstruction<T>>,
+) -> Option<Reconstruction<T>> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
     main.components = maps.collect();
@@ -91,6 +95,13 @@ pub fn gather<T: Real>(maps: Vec<Reconstruction<T>>) -> Option<Reconstruction<T>
             Subject::Landmark(landmark) => other.map.landmarks[landmark].is_none(),
         })
     });
+    for undetermined in &mut main.undetermined {
+        if let (Subject::View(view), Why::Degenerate) = (undetermined.subject, undetermined.why)
+            && resect_view(problem, &main.map, view).is_some()
+        {
+            undetermined.why = Why::Misfit;
+        }
+    }
     for other in &mut main.components {
         // A landmark at infinity is part of the map all the same; what it never had is none of its business.
         other

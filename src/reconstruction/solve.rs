@@ -166,7 +166,7 @@ pub fn solve<T: Real>(
     for map in maps.iter_mut().skip(1) {
         assess(problem, map);
     }
-    if let Some(found) = sight::gather(maps) {
+    if let Some(found) = sight::gather(problem, maps) {
         return judge(problem, found);
     }
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;

@@ -1,17 +1,69 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The end of a growth: a place for everything that has one.
+//! The end of a growth: a place for everything that has one, and the last refinement.
 
+use super::super::options::{Progress, tell};
+use super::super::result::Reconstruction;
 use super::gates::noise;
 use super::growth::GATES;
 use super::locate;
-use crate::estimation::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
+use crate::error::Error;
+use crate::estimation::{MIN_LANDMARKS_OF_VIEW, Map, Problem, RefineOptions, refine_map};
 use crate::scalar::Real;
+
+/// Refinements of a map, each of which may make room for a view that did not fit before.
+const COMPLETIONS: usize = 3;
+
+/// The last refinement of a map, of everything that has a place in it; `None` when it cannot be refined.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::TooLarge`].
+pub fn finish<T: Real>(
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    mut map: Map<T>,
+    free: &[bool],
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Reconstruction<T>>, Error> {
+    let mut best: Option<Reconstruction<T>> = None;
+    for _ in 0..COMPLETIONS {
+        // The gauge of a reconstruction is as good as any.
+        if let Some(found) = &best {
+            map = found.map.clone();
+        }
+        let before = map.poses.iter().flatten().count();
+        complete(problem, &mut map, free);
+        if best.is_some() && map.poses.iter().flatten().count() == before {
+            break;
+        }
+        match refined(problem, options, map.clone(), progress)? {
+            Some(found) => best = Some(found),
+            None => break,
+        }
+    }
+    Ok(best)
+}
+
+/// A map refined; `None` when it cannot be.
+fn refined<T: Real>(
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    mut map: Map<T>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Reconstruction<T>>, Error> {
+    let total = options.max_iterations;
+    let mut watch = |done, _| tell(progress, "refine", done, total);
+    match refine_map(problem, &mut map, options, Some(&mut watch)) {
+        Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
+        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => Err(error),
+        Err(_) => Ok(None),
+    }
+}
 
 /// Puts in everything that the gates have kept out and that has a place at all, for the last refinement.
 ///
 /// A landmark whose rays do not meet goes far out along them: the refinement tells whether it is at
 /// infinity.
-pub fn complete<T: Real>(problem: &Problem<T>, map: &mut Map<T>, allowed: &[bool]) {
+fn complete<T: Real>(problem: &Problem<T>, map: &mut Map<T>, allowed: &[bool]) {
     let noise = noise(problem, map);
     // Landmarks, the views that need them, the landmarks that need these.
     for _ in 0..2 {
