@@ -6,6 +6,7 @@ use super::global;
 use super::incremental;
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
+use super::search::{self, MIN_SHARED};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, Subject, Why};
 use crate::scalar::Real;
@@ -29,6 +30,14 @@ fn is_limited<T: Real>(problem: &Problem<T>) -> bool {
     views > MANY_VIEWS || (views >= FEW_VIEWS && filled < FILLED)
 }
 
+/// The strategy that is followed: the search gives way to growth under limited sight.
+fn followed<T: Real>(problem: &Problem<T>, strategy: Strategy) -> Strategy {
+    match strategy {
+        Strategy::Search(_) if is_limited(problem) => Strategy::Incremental,
+        other => other,
+    }
+}
+
 /// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
 /// everything sees nearly everything, or no three views share five landmarks.
 ///
@@ -39,18 +48,14 @@ pub fn maps<T: Real>(
     options: &SolveOptions<T>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction<T>>, Error> {
-    match options.strategy {
-        Strategy::Search(_) if is_limited(problem) => {
-            incremental::grow(problem, &options.refine, options.seed, progress)
-        }
-        Strategy::Incremental => {
-            incremental::grow(problem, &options.refine, options.seed, progress)
-        }
+    let SolveOptions { refine, seed, .. } = options;
+    match followed(problem, options.strategy) {
+        Strategy::Incremental => incremental::grow(problem, refine, *seed, progress),
         Strategy::Global => {
-            let starts = global::starts(problem, options.seed, progress)?;
-            incremental::finish_all(problem, &options.refine, starts, progress)
+            let starts = global::starts(problem, *seed, progress)?;
+            incremental::finish_all(problem, refine, starts, progress)
         }
-        _ => Ok(Vec::new()),
+        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(Vec::new()),
     }
 }
 
@@ -63,18 +68,26 @@ pub fn first_map<T: Real>(
     options: &SolveOptions<T>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Map<T>>, Error> {
-    match options.strategy {
-        Strategy::Search(_) if is_limited(problem) => {
-            incremental::first(problem, &options.refine, options.seed, progress)
-        }
-        Strategy::Incremental => {
-            incremental::first(problem, &options.refine, options.seed, progress)
-        }
+    let SolveOptions { refine, seed, .. } = options;
+    match followed(problem, options.strategy) {
+        Strategy::Incremental => incremental::first(problem, refine, *seed, progress),
         Strategy::Global => {
-            let starts = global::starts(problem, options.seed, progress)?;
+            let starts = global::starts(problem, *seed, progress)?;
             Ok(starts.into_iter().next())
         }
-        _ => Ok(None),
+        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(None),
+    }
+}
+
+/// Why growth and the global method have found no map.
+pub fn no_map<T: Real>(problem: &Problem<T>) -> Error {
+    match search::too_few(problem, MIN_SHARED) {
+        Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
+            quantity: "number of maps with a sighting to spare",
+            value: 0.0,
+            bound: 1.0,
+        },
+        error => error,
     }
 }
 

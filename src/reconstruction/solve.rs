@@ -262,9 +262,7 @@ fn hypotheses<T: Real>(
         Strategy::FirstViews(method) => Ok(Hypotheses::of(paper::follow(problem, method)?)),
         Strategy::Search(search) => search::search(problem, search, options.seed, progress),
         // Their own paths have found no triple to start from.
-        Strategy::Incremental | Strategy::Global => {
-            Err(search::too_few(problem, search::MIN_SHARED))
-        }
+        Strategy::Incremental | Strategy::Global => Err(sight::no_map(problem)),
     }
 }
 

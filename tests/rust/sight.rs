@@ -3,9 +3,9 @@
 
 use crate::common::truth;
 use bearslam::{
-    Arena, Error, Layout, Pose, Problem, Reconstruction, RefineOptions, Scene, Search, Sighting,
-    SolveOptions, Strategy, Subject, Termination, Why, align, bearing_to, initialize, refine,
-    simulate, solve,
+    Arena, Error, Layout, Pose, Problem, Real, Reconstruction, RefineOptions, Scene, Search,
+    Sighting, SolveOptions, Strategy, Subject, Termination, Why, align, bearing_to, initialize,
+    refine, simulate, solve,
 };
 use nalgebra::Point2;
 
@@ -111,7 +111,7 @@ fn many_views_of_everything_are_no_harder() {
     let found = solve(&problem, &SolveOptions::default(), None).unwrap();
     assert!(found.cost <= oracle.cost * (1.0 + 1e-5));
     // In single precision as well.
-    let bearings: Vec<f32> = scene.bearings.iter().map(|&b| b as f32).collect();
+    let bearings: Vec<f32> = scene.bearings.iter().map(|&b| f32::lit(b)).collect();
     let problem = Problem::dense(50, 8, &bearings, 1.0_f32).unwrap();
     for strategy in [Strategy::Incremental, Strategy::Global] {
         let options = SolveOptions {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! All positions and landmarks from known headings: one homogeneous linear system.
 
-use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
+use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use crate::geometry::Pose;
 use crate::scalar::Real;
 use alloc::vec;
@@ -107,7 +107,6 @@ pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>])
     for bundle in &bundles {
         map.landmarks[bundle.landmark] = Some(Point2::from(bundle.point));
     }
-    let _ = MIN_LANDMARKS_OF_VIEW;
     map.prune(problem);
     map.poses.iter().any(Option::is_some).then_some(map)
 }

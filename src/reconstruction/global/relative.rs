@@ -93,7 +93,6 @@ fn relative<T: Real>(
     Ok(Some(Relative {
         views,
         branches: branches.collect(),
-        // An exact fit of five landmarks has nothing that checks it.
         quality: tensor.quality(),
     }))
 }
