@@ -23,11 +23,12 @@ use merge::{best, merge, variance, views};
 /// Seeds that are tried for a map before the best is taken as it is.
 const ATTEMPTS: usize = 12;
 
-/// Iterations that the map of a seed gets at its end: one that has grown well needs two to five.
-const FIRST_ITERATIONS: usize = 20;
+/// Iterations that the map of a seed gets at its end: one that has grown well needs two to five, and
+/// what takes more goes on by Newton's method, which is dear.
+const FIRST_ITERATIONS: usize = 8;
 
 /// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the best.
-const MAX_FINISHED: usize = 2;
+const MAX_FINISHED: usize = 3;
 const HOPELESS: f64 = 30.0;
 
 /// Views to which both branches of a seed grow before the better goes on.

@@ -36,7 +36,14 @@ pub fn finish<T: Real>(
             break;
         }
         match refined(problem, options, map.clone(), progress)? {
-            Some(found) => best = Some(found),
+            Some(found) => {
+                let converged = found.termination.was_successful();
+                best = Some(found);
+                // What is not at rest makes no room.
+                if !converged {
+                    break;
+                }
+            }
             None => break,
         }
     }
