@@ -3,7 +3,8 @@
 
 use bearslam::{
     Arena, Bearing, Frame, Layout, Loss, Map, Method, Pose, Problem, Real, RefineOptions, Scene,
-    SolveOptions, Triple, covariance, refine_map, resect, simulate, solve, three_view, triangulate,
+    SolveOptions, Strategy, Triple, covariance, initialize, refine_map, resect, simulate, solve,
+    three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::Point2;
@@ -225,6 +226,43 @@ fn whole(criterion: &mut Criterion) {
     }
 }
 
+/// 100 views of 60 landmarks that see 2 metres far: both methods, without the last refinement and whole.
+fn limited_sight(criterion: &mut Criterion) {
+    let arena = Arena {
+        sight: 2.0,
+        ..Arena::default()
+    };
+    let problems: Vec<Problem<f64>> = (0..4)
+        .map(|seed| {
+            let noise = 0.5_f64.to_radians();
+            let scene = simulate(Layout::Trajectory, 100, 60, noise, seed, arena).expect("a scene");
+            Problem::dense(100, 60, &scene.bearings, 1.0).expect("a problem")
+        })
+        .collect();
+    for (name, strategy) in [
+        ("incremental", Strategy::Incremental),
+        ("global", Strategy::Global),
+    ] {
+        let options = SolveOptions {
+            strategy,
+            ..SolveOptions::default()
+        };
+        let mut next = 0;
+        criterion.bench_function(&format!("limited sight/start/{name}/100x60"), |bencher| {
+            bencher.iter(|| {
+                next = (next + 1) % problems.len();
+                initialize(black_box(&problems[next]), &options, None)
+            });
+        });
+        criterion.bench_function(&format!("limited sight/solve/{name}/100x60"), |bencher| {
+            bencher.iter(|| {
+                next = (next + 1) % problems.len();
+                solve(black_box(&problems[next]), &options, None)
+            });
+        });
+    }
+}
+
 fn all(criterion: &mut Criterion) {
     three_views::<f64>(criterion, "f64");
     three_views::<f32>(criterion, "f32");
@@ -234,6 +272,7 @@ fn all(criterion: &mut Criterion) {
     losses(criterion);
     posterior(criterion);
     whole(criterion);
+    limited_sight(criterion);
 }
 
 criterion_group! {

@@ -80,6 +80,15 @@ pub enum Error {
         /// The view.
         view: usize,
     },
+    /// A problem too large for a method that works densely.
+    TooLarge {
+        /// What is too large.
+        what: &'static str,
+        /// The largest value that can be handled.
+        bound: usize,
+        /// The value that came.
+        got: usize,
+    },
     /// The data do not determine the answer.
     Degenerate {
         /// The quantity that was tested.
@@ -150,6 +159,9 @@ impl fmt::Display for Error {
                 "odometry: expected motions between two views, got one from view {view} to itself at \
                  index {index}"
             ),
+            Self::TooLarge { what, bound, got } => {
+                write!(f, "{what}: expected at most {bound}, got {got}")
+            }
             Self::Degenerate {
                 quantity,
                 value,

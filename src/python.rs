@@ -177,11 +177,16 @@ fn align(py: Python<'_>, source: Floats<'_>, target: Floats<'_>) -> PyResult<(f6
 fn strategy(py: Python<'_>, name: &str, search: Search) -> PyResult<Strategy> {
     match name {
         "search" => Ok(Strategy::Search(search)),
+        "incremental" => Ok(Strategy::Incremental),
+        "global" => Ok(Strategy::Global),
         "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
         "projective" => Ok(Strategy::FirstViews(Method::Projective)),
         _ => Err(convert::invalid(
             py,
-            &format!("method: expected \"search\", \"calibrated\" or \"projective\", got {name:?}"),
+            &format!(
+                "method: expected \"search\", \"calibrated\", \"projective\", \"incremental\" or \"global\", \
+                 got {name:?}"
+            ),
         )),
     }
 }
@@ -382,5 +387,11 @@ fn reconstruction<'py>(
         })
         .collect();
     dict.set_item("undetermined", undetermined)?;
+    let components: Vec<_> = found
+        .components
+        .iter()
+        .map(|found| reconstruction(py, found))
+        .collect::<PyResult<_>>()?;
+    dict.set_item("components", components)?;
     Ok(dict)
 }

@@ -6,12 +6,15 @@ mod bounded;
 mod circle;
 mod edges;
 mod expand;
+mod global;
+mod incremental;
 mod minima;
 mod options;
 mod paper;
 mod posterior;
 mod result;
 mod search;
+mod sight;
 mod solve;
 mod triples;
 

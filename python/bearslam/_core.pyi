@@ -33,6 +33,7 @@ class RawReconstruction(TypedDict):
     termination: str
     iterations: int
     undetermined: list[tuple[str, int, str]]
+    components: list[RawReconstruction]
 
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
 def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...

@@ -57,6 +57,10 @@ def as_json(result: Reconstruction) -> str:
                 {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)}
                 for other in result.alternatives
             ],
+            "components": [
+                {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)}
+                for other in result.components
+            ],
         }
     )
 

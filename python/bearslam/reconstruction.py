@@ -84,6 +84,9 @@ class Reconstruction:
         The views and landmarks that are NaN, with the reason.
     alternatives : tuple of Reconstruction
         Other maps that explain the bearings nearly as well, for example the mirror branch, best first.
+    components : tuple of Reconstruction
+        Maps of other views, that too few common landmarks tie to this one: the largest first, each in a gauge of its
+        own, NaN beyond its views and landmarks. A landmark may be in several. What is `undetermined` is in none.
     view_ids, landmark_ids : tuple of str, or None
         The names that views and landmarks have in the file that the problem came from.
     """
@@ -101,6 +104,7 @@ class Reconstruction:
     iterations: int
     undetermined: tuple[Undetermined, ...] = ()
     alternatives: tuple[Reconstruction, ...] = ()
+    components: tuple[Reconstruction, ...] = ()
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 

@@ -37,6 +37,11 @@ def describe(result: Reconstruction) -> str:
         f"alternative: residual rms {math.degrees(other.rms):.4g} deg, cost {other.cost:.6g}"
         for other in result.alternatives
     ]
+    lines += [
+        f"separate map: {np.isfinite(other.poses[:, 0]).sum()} views, "
+        f"{np.isfinite(other.landmarks[:, 0]).sum()} landmarks, residual rms {math.degrees(other.rms):.4g} deg"
+        for other in result.components
+    ]
     return "\n".join(lines)
 
 

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["METHODS", "Method", "initialize", "refine", "solve"]
 
-Method: TypeAlias = Literal["search", "calibrated", "projective"]
-METHODS = ("search", "calibrated", "projective")
+Method: TypeAlias = Literal["search", "calibrated", "projective", "incremental", "global"]
+METHODS = ("search", "calibrated", "projective", "incremental", "global")
 
 
 def solve(
@@ -51,9 +51,12 @@ def solve(
     sigma : float or array_like of float
         Standard deviation of all bearings or of each, in the shape of the problem [rad]. Sightings may come with their
         own instead.
-    method : {"search", "calibrated", "projective"}
+    method : {"search", "calibrated", "projective", "incremental", "global"}
         "search" tries many triples. "calibrated" and "projective" are the path of the paper: they start from the first
         three views, with the tensor of that name (see `three_view`), and choose between its two solutions by a fourth.
+        "incremental" grows maps view by view from several seeds, with refinement in between; "search" does the same
+        under limited sight: more than 40 views, or eight and more that see less than 60 % of the landmarks. "global"
+        takes all views at once: headings by rotation averaging, then one linear system for all positions.
     triples : int
         Triples of views whose tensor is estimated; "search" only.
     grown : int
@@ -78,7 +81,8 @@ def solve(
     Returns
     -------
     Reconstruction
-        The best map; others that explain the bearings nearly as well are its `alternatives`.
+        The best map; others that explain the bearings nearly as well are its `alternatives`, maps of views that too
+        few common landmarks tie to it its `components`.
 
     Raises
     ------
@@ -277,6 +281,7 @@ def _wrapped(table: Table, raw: RawReconstruction, alternatives: tuple[Reconstru
             for kind, index, reason in raw["undetermined"]
         ),
         alternatives=alternatives,
+        components=tuple(_wrapped(table, other, ()) for other in raw["components"]),
         view_ids=table.view_ids,
         landmark_ids=table.landmark_ids,
     )

@@ -53,6 +53,8 @@ pub enum Why {
     NoStart,
     /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
     Degenerate,
+    /// Its sightings fix it, but at a place where they do not agree with the map.
+    Misfit,
     /// A landmark so far away that its rays are parallel within their noise: its direction is known,
     /// its range is not.
     AtInfinity,
@@ -79,6 +81,7 @@ impl fmt::Display for Why {
             ),
             Self::NoStart => write!(f, "the start has no value for it"),
             Self::Degenerate => write!(f, "its sightings do not fix it"),
+            Self::Misfit => write!(f, "its sightings do not agree with the map"),
             Self::AtInfinity => write!(f, "its rays are parallel within their noise"),
         }
     }

@@ -53,7 +53,7 @@ const ROUNDS: usize = 3;
 const MOVED_ITERATIONS: usize = 30;
 
 /// Costs whose ratio is closer to 1 than this are those of one minimum.
-const SAME_COST: f64 = 1.0 - 1e-6;
+pub const SAME_COST: f64 = 1.0 - 1e-6;
 
 impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     pub fn new(
@@ -230,7 +230,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
 
 /// Whether the cost of a minimum is what the standard deviations of the sightings let expect of the
 /// right one, and no wrong one would come so low.
-fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
+pub fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
     let freedom = found.freedom as f64;
     let deviation = (2.0 * found.cost.as_f64() - freedom).abs();
     found.termination == Termination::ZeroResidual

@@ -12,7 +12,7 @@ use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
-const MIN_SHARED: usize = 5;
+pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
 /// A first map.
@@ -184,13 +184,21 @@ fn ranked<T: Real>(mut scored: Scored<T>) -> Vec<Hypothesis<T>> {
 
 /// What to say when no three views share enough landmarks.
 fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
-    Error::TooFew {
-        what: "landmarks seen by the same three views",
-        needed: if problem.views() > 3 {
+    too_few(
+        problem,
+        if problem.views() > 3 {
             MIN_SHARED_WITH_FOURTH
         } else {
             MIN_SHARED
         },
+    )
+}
+
+/// The same, for a method that needs so many.
+pub fn too_few<T: Real>(problem: &Problem<T>, needed: usize) -> Error {
+    Error::TooFew {
+        what: "landmarks seen by the same three views",
+        needed,
         got: triples::most_shared(problem),
     }
 }

@@ -8,6 +8,7 @@ use super::paper;
 use super::posterior::solve_posterior;
 use super::result::Reconstruction;
 use super::search::{self, Hypotheses, Hypothesis};
+use super::sight;
 use crate::error::Error;
 use crate::estimation::{
     Map, Problem, RefineOptions, Report, Subject, Termination, Why, cost, refine_map, sensitivity,
@@ -45,10 +46,15 @@ pub fn initialize<T: Real>(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
-    let hypotheses = hypotheses(problem, options, &mut progress)?;
-    let count = match options.strategy {
-        Strategy::Search(_) => 2,
-        Strategy::FirstViews(_) => 1,
+    let (hypotheses, count) = match sight::first_map(problem, options, &mut progress)? {
+        Some(map) => (Hypotheses::of([map]), 1),
+        None => {
+            let count = match options.strategy {
+                Strategy::FirstViews(_) => 1,
+                _ => 2,
+            };
+            (hypotheses(problem, options, &mut progress)?, count)
+        }
     };
     let judged = hypotheses
         .maps
@@ -146,10 +152,20 @@ pub fn solve<T: Real>(
         return solve_posterior(problem, options, progress);
     }
     let mut progress = progress;
+    let mut maps = sight::maps(problem, options, &mut progress)?;
+    for map in &mut maps {
+        take_out_unbounded(problem, map);
+    }
+    for map in maps.iter_mut().skip(1) {
+        assess(problem, map);
+    }
+    if let Some(found) = sight::gather(problem, maps) {
+        return judge(problem, found);
+    }
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
     let found = match options.strategy {
-        Strategy::FirstViews(_) => {
+        Strategy::FirstViews(_) | Strategy::Incremental | Strategy::Global => {
             let mut minima = Minima::new(problem, &options.refine, &mut progress);
             minima.try_out(maps.take(1), false)?;
             minima.finish(true)?;
@@ -238,6 +254,8 @@ fn hypotheses<T: Real>(
     match options.strategy {
         Strategy::FirstViews(method) => Ok(Hypotheses::of(paper::follow(problem, method)?)),
         Strategy::Search(search) => search::search(problem, search, options.seed, progress),
+        // Their own paths have found no triple to start from.
+        Strategy::Incremental | Strategy::Global => Err(sight::no_map(problem)),
     }
 }
 

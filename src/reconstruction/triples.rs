@@ -4,6 +4,7 @@
 use crate::estimation::Problem;
 use crate::kernels::Triple;
 use crate::scalar::Real;
+use alloc::collections::BTreeSet;
 use alloc::vec;
 use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
@@ -100,6 +101,7 @@ pub fn draw<T: Real>(
         for (place, &view) in sight.views.iter().enumerate() {
             slot[view] = place;
         }
+        let mut known = BTreeSet::new();
         for _ in 0..DRAWS * count {
             let seen = problem.of_view(sight.views[random.random_range(0..views)]);
             let first = seen[random.random_range(0..seen.len())];
@@ -115,7 +117,7 @@ pub fn draw<T: Real>(
                 && j < k
                 && k < usize::MAX
                 && sight.common(triple) >= needed
-                && !triples.contains(&triple)
+                && known.insert(triple)
             {
                 triples.push(triple);
                 if triples.len() == count {

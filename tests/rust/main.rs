@@ -9,6 +9,7 @@ mod posterior;
 mod properties;
 mod reference;
 mod refinement;
+mod sight;
 mod single;
 mod solve;
 #[cfg(feature = "rayon")]

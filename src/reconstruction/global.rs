@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! All views at once: headings by averaging over many triples, then one linear system for all positions.
+//!
+//! Dellaert and Stroupe say that no linear method treats more than three views at once. Once the headings are known
+//! there is one, (T25): `Im((x_j - p_i) e^{-i(t_i + a_ij)}) = 0` is linear in all positions and landmarks.
+
+mod headings;
+mod positions;
+mod relative;
+
+use super::options::{Progress, tell};
+use crate::error::Error;
+use crate::estimation::{Map, Problem};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// Most views: the systems are dense in the views.
+const MAX_VIEWS: usize = 1024;
+
+/// A map without refinement for each set of views that triples connect, the largest first; none when no three views share
+/// five landmarks.
+///
+/// # Errors
+/// [`Error::TooLarge`] above 1024 views, [`Error::Interrupted`], why no triple can be estimated when
+/// none can.
+pub fn starts<T: Real>(
+    problem: &Problem<T>,
+    seed: u64,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map<T>>, Error> {
+    if problem.views() > MAX_VIEWS {
+        return Err(Error::TooLarge {
+            what: "views of the global method",
+            bound: MAX_VIEWS,
+            got: problem.views(),
+        });
+    }
+    let relatives = relative::relatives(problem, seed, progress)?;
+    let mut maps = Vec::new();
+    let total = problem.views();
+    let mut done = 0;
+    for group in relative::groups(problem.views(), &relatives) {
+        if !tell(progress, "global", done, total) {
+            return Err(Error::Interrupted);
+        }
+        done += group.len();
+        let headings = headings::average(problem.views(), &relatives, &group);
+        maps.extend(positions::solve(problem, &headings));
+    }
+    Ok(maps)
+}

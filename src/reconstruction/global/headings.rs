@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Rotation averaging on the circle.
+
+use super::relative::Relative;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector, UnitComplex};
+
+/// Rounds of reweighting: the branches settle in the first few, the weights in about ten.
+const ROUNDS: usize = 15;
+
+/// Residuals of a typical triple times its quality count fully, larger ones less: Cauchy's weight at so many
+/// times their median. 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median is 0.67.
+const CAUCHY: f64 = 2.4 / 0.67;
+
+/// The headings of a connected set of views that agree best with the relative headings of triples.
+///
+/// A spanning tree of the best conditioned triples starts, each further triple attached where it meets the tree, by
+/// the branch that fits; then least squares over all triples on the circle, (T26), reweighted for outliers, each triple by its nearer
+/// branch.
+pub fn average<T: Real>(
+    views: usize,
+    relatives: &[Relative<T>],
+    group: &[usize],
+) -> Vec<Option<UnitComplex<T>>> {
+    let mut member = vec![usize::MAX; views];
+    for (slot, &view) in group.iter().enumerate() {
+        member[view] = slot;
+    }
+    let relatives: Vec<&Relative<T>> = relatives
+        .iter()
+        .filter(|relative| relative.views.iter().all(|&view| member[view] < usize::MAX))
+        .collect();
+    let mut headings = spanning_tree(views, &relatives);
+    for _ in 0..ROUNDS {
+        // Each pair of each triple: the two views, by how much its second heading is behind, its quality.
+        let mut pairs = Vec::with_capacity(3 * relatives.len());
+        for relative in &relatives {
+            let Some((_, errors)) = nearest(relative, &headings) else {
+                continue;
+            };
+            for (k, error) in errors.into_iter().enumerate() {
+                let (a, b) = (relative.views[k], relative.views[(k + 1) % 3]);
+                pairs.push((member[a], member[b], error, relative.quality));
+            }
+        }
+        let mut sizes: Vec<T> = pairs.iter().map(|&(_, _, e, q)| e.abs() * q).collect();
+        sizes.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
+        let Some(&median) = sizes.get(sizes.len() / 2) else {
+            break;
+        };
+        let scale = median * T::lit(CAUCHY) + T::eps();
+        let mut matrix = DMatrix::zeros(group.len(), group.len());
+        let mut right = DVector::zeros(group.len());
+        for (a, b, error, quality) in pairs {
+            let far = error * quality / scale;
+            let weight = quality * quality / (T::one() + far * far);
+            matrix[(a, a)] += weight;
+            matrix[(b, b)] += weight;
+            matrix[(a, b)] -= weight;
+            matrix[(b, a)] -= weight;
+            right[a] -= weight * error;
+            right[b] += weight * error;
+        }
+        // One heading is free: the first stays.
+        let stiffness = matrix.diagonal().sum();
+        matrix[(0, 0)] += stiffness;
+        let Some(factor) = matrix.cholesky() else {
+            break;
+        };
+        factor.solve_mut(&mut right);
+        for (&view, turn) in group.iter().zip(right.iter()) {
+            if let Some(heading) = &mut headings[view] {
+                *heading *= UnitComplex::new(*turn);
+                heading.renormalize();
+            }
+        }
+        if right.amax() < T::lit(1e-6).max(T::eps()) {
+            break;
+        }
+    }
+    headings
+}
+
+/// Of the branches of a triple the one nearer to the headings as they are, and how much the second heading of each of its
+/// pairs (0, 1), (1, 2), (2, 0) is to be turned for it \[rad\].
+fn nearest<T: Real>(
+    relative: &Relative<T>,
+    headings: &[Option<UnitComplex<T>>],
+) -> Option<(T, [T; 3])> {
+    let mut best: Option<(T, [T; 3])> = None;
+    let [a, b, c] = relative.views.map(|view| headings[view]);
+    let now = [a?, b?, c?];
+    for branch in &relative.branches {
+        let errors: [T; 3] = core::array::from_fn(|k| {
+            let next = (k + 1) % 3;
+            let wanted = branch[k].inverse() * branch[next];
+            ((now[k].inverse() * now[next]).inverse() * wanted).angle()
+        });
+        let size = errors.iter().fold(T::zero(), |sum, e| sum + *e * *e);
+        if best.is_none_or(|(least, _)| size < least) {
+            best = Some((size, errors));
+        }
+    }
+    best
+}
+
+/// First headings: from the best triple without a rival outwards.
+fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Option<UnitComplex<T>>> {
+    let mut headings = vec![None; views];
+    let clear = relatives
+        .iter()
+        .find(|relative| relative.branches.len() == 1);
+    let Some(first) = clear.or(relatives.first()) else {
+        return headings;
+    };
+    headings[first.views[0]] = Some(UnitComplex::identity());
+    // Two known views tell the branches of a triple apart; a triple with a rival and one known view waits.
+    loop {
+        let attaches = |relative: &&&Relative<T>, fewest: usize| {
+            let known = relative
+                .views
+                .iter()
+                .filter(|&&view| headings[view].is_some());
+            let known = known.count();
+            known < 3
+                && known
+                    >= if relative.branches.len() == 1 {
+                        1
+                    } else {
+                        fewest
+                    }
+        };
+        let mut candidates = relatives.iter();
+        let next = candidates
+            .find(|relative| attaches(relative, 2))
+            .or_else(|| relatives.iter().find(|relative| attaches(relative, 1)));
+        let Some(next) = next else { return headings };
+        attach(next, &mut headings);
+    }
+}
+
+/// Gives the views of a triple that have no heading theirs, by the branch that agrees with those that have.
+fn attach<T: Real>(relative: &Relative<T>, headings: &mut [Option<UnitComplex<T>>]) {
+    let mut best: Option<(T, [UnitComplex<T>; 3])> = None;
+    for branch in &relative.branches {
+        let turns = (0..3).filter_map(|k| Some(headings[relative.views[k]]? * branch[k].inverse()));
+        let Some(turn) = turns.clone().next() else {
+            return;
+        };
+        let apart = turns.fold(T::zero(), |sum, other| sum + turn.angle_to(&other).abs());
+        if best.is_none_or(|(least, _)| apart < least) {
+            best = Some((apart, branch.map(|heading| turn * heading)));
+        }
+    }
+    if let Some((_, branch)) = best {
+        for (view, heading) in relative.views.into_iter().zip(branch) {
+            headings[view].get_or_insert(heading);
+        }
+    }
+}

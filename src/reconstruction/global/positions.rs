@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! All positions and landmarks from known headings: one homogeneous linear system.
+
+use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
+use crate::geometry::Pose;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vector2};
+
+/// Rounds of reweighting: rows are divided by the range of the round before.
+const ROUNDS: usize = 6;
+
+/// Steps of inverse iteration in a round. The next round goes on from where this one ends.
+const STEPS: usize = 3;
+
+/// No range counts as less than this part of the median, or one bad sighting would rule the system.
+const NEAREST: f64 = 0.1;
+
+/// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about
+/// the square of half the parallax in radians) place no landmark.
+const SPREAD: f64 = 1e-4;
+
+/// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
+struct Ray<T: Real> {
+    view: usize,
+    along: Vector2<T>,
+    weight: T,
+    /// Weight without the range.
+    sharpness: T,
+}
+
+impl<T: Real> Ray<T> {
+    /// The direction at right angles to it, times the weight.
+    fn row(&self) -> Vector2<T> {
+        Vector2::new(-self.along.y, self.along.x) * self.weight
+    }
+}
+
+/// The rays of one landmark.
+struct Bundle<T: Real> {
+    landmark: usize,
+    rays: Vec<Ray<T>>,
+    point: Vector2<T>,
+}
+
+impl<T: Real> Bundle<T> {
+    /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
+    fn inverse(&self) -> Option<Matrix2<T>> {
+        let mut information = Matrix2::zeros();
+        for ray in &self.rays {
+            information += ray.row() * ray.row().transpose();
+        }
+        let trace = information.trace();
+        (information.determinant() > trace * trace * T::lit(SPREAD))
+            .then(|| information.try_inverse())
+            .flatten()
+    }
+}
+
+/// The map of the views that have a heading; `None` when nothing holds together.
+///
+/// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say that
+/// the sine of the angular error is small, (T25). Landmarks are eliminated in closed form; the positions are the smallest eigenvector of what
+/// is left, after the two translations: inverse iteration, from the direction in which all landmarks move
+/// ahead of the views that see them.
+pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>]) -> Option<Map<T>> {
+    let mut slot = vec![usize::MAX; headings.len()];
+    let mut views = Vec::new();
+    for (view, heading) in headings.iter().enumerate() {
+        if heading.is_some() {
+            slot[view] = views.len();
+            views.push(view);
+        }
+    }
+    let mut bundles: Vec<Bundle<T>> = (0..problem.landmarks())
+        .map(|landmark| {
+            let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
+                let s = &problem.sightings()[k];
+                let ray = (headings[s.view]? * s.bearing).into_inner();
+                Some(Ray {
+                    view: slot[s.view],
+                    along: Vector2::new(ray.re, ray.im),
+                    weight: s.weight,
+                    sharpness: s.weight,
+                })
+            });
+            Bundle {
+                landmark,
+                rays: rays.collect(),
+                point: Vector2::zeros(),
+            }
+        })
+        .filter(|bundle| bundle.rays.len() >= MIN_VIEWS_OF_LANDMARK)
+        .collect();
+    let mut positions: Option<DVector<T>> = None;
+    for _ in 0..ROUNDS {
+        positions = Some(round(views.len(), &mut bundles, positions)?);
+        reweight(&mut bundles, positions.as_ref()?);
+    }
+    let positions = positions?;
+    let mut map = Map::empty(problem.views(), problem.landmarks());
+    for (slot, &view) in views.iter().enumerate() {
+        let position = Translation2::new(positions[2 * slot], positions[2 * slot + 1]);
+        map.poses[view] = headings[view].map(|heading| Pose::from_parts(position, heading));
+    }
+    for bundle in &bundles {
+        map.landmarks[bundle.landmark] = Some(Point2::from(bundle.point));
+    }
+    map.prune(problem);
+    map.poses.iter().any(Option::is_some).then_some(map)
+}
+
+/// Solves the system with the weights as they are; sets the landmarks.
+fn round<T: Real>(
+    views: usize,
+    bundles: &mut Vec<Bundle<T>>,
+    start: Option<DVector<T>>,
+) -> Option<DVector<T>> {
+    let mut matrix = DMatrix::<T>::zeros(2 * views, 2 * views);
+    let mut ahead = DVector::<T>::zeros(2 * views);
+    bundles.retain(|bundle| bundle.inverse().is_some());
+    for bundle in bundles.iter() {
+        let inverse = bundle.inverse()?;
+        let pull = bundle
+            .rays
+            .iter()
+            .fold(Vector2::zeros(), |sum, ray| sum + ray.along * ray.weight);
+        for a in &bundle.rays {
+            let row = a.row();
+            let through = inverse * row;
+            add(
+                &mut ahead,
+                a.view,
+                row * through.dot(&pull) - a.along * a.weight,
+            );
+            for b in &bundle.rays {
+                let other = b.row();
+                let mut factor = -through.dot(&other);
+                if core::ptr::eq(a, b) {
+                    factor += T::one();
+                }
+                for i in 0..2 {
+                    for j in 0..2 {
+                        matrix[(2 * a.view + i, 2 * b.view + j)] += row[i] * other[j] * factor;
+                    }
+                }
+            }
+        }
+    }
+    // The translations get the stiffness of an average view, and everything a little more than rounding.
+    let mean = matrix.diagonal().sum() / T::lit(2.0 * views as f64);
+    let stiffness = mean / T::lit(views as f64);
+    for a in 0..views {
+        for b in 0..views {
+            matrix[(2 * a, 2 * b)] += stiffness;
+            matrix[(2 * a + 1, 2 * b + 1)] += stiffness;
+        }
+        for i in 2 * a..2 * a + 2 {
+            matrix[(i, i)] += mean * T::eps() * T::lit(100.0);
+        }
+    }
+    let factor = matrix.cholesky()?;
+    let mut positions = start.unwrap_or_else(|| ahead.clone());
+    for _ in 0..STEPS {
+        factor.solve_mut(&mut positions);
+        let norm = positions.norm();
+        if !(norm > T::zero() && norm.is_finite()) {
+            return None;
+        }
+        positions /= norm;
+    }
+    if positions.dot(&ahead) < T::zero() {
+        positions.neg_mut();
+    }
+    for bundle in bundles {
+        let inverse = bundle.inverse()?;
+        let mut sum = Vector2::zeros();
+        for ray in &bundle.rays {
+            let row = ray.row();
+            sum += row * row.dot(&at(&positions, ray.view));
+        }
+        bundle.point = inverse * sum;
+    }
+    Some(positions)
+}
+
+/// Divides the rows by the ranges that have been found.
+fn reweight<T: Real>(bundles: &mut [Bundle<T>], positions: &DVector<T>) {
+    let range = |bundle: &Bundle<T>, ray: &Ray<T>| (bundle.point - at(positions, ray.view)).norm();
+    let mut ranges: Vec<T> = bundles
+        .iter()
+        .flat_map(|bundle| bundle.rays.iter().map(move |ray| range(bundle, ray)))
+        .collect();
+    ranges.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
+    let Some(&median) = ranges.get(ranges.len() / 2) else {
+        return;
+    };
+    for bundle in bundles {
+        for k in 0..bundle.rays.len() {
+            let range = range(bundle, &bundle.rays[k]).max(median * T::lit(NEAREST));
+            // In units of the median, so that the system keeps its size.
+            bundle.rays[k].weight = bundle.rays[k].sharpness * median / range;
+        }
+    }
+}
+
+fn at<T: Real>(positions: &DVector<T>, view: usize) -> Vector2<T> {
+    Vector2::new(positions[2 * view], positions[2 * view + 1])
+}
+
+fn add<T: Real>(vector: &mut DVector<T>, view: usize, value: Vector2<T>) {
+    vector[2 * view] += value.x;
+    vector[2 * view + 1] += value.y;
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Relative headings of many triples of views, and which views they connect.
+
+use super::super::options::{Progress, tell};
+use super::super::triples::{self, common_bearings};
+use crate::error::Error;
+use crate::estimation::Problem;
+use crate::kernels::CalibratedTensor;
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::UnitComplex;
+
+/// Triples drawn per view, at least, and of these the best conditioned kept for each view.
+const PER_VIEW: usize = 48;
+const FEWEST: usize = 200;
+const KEPT: usize = 24;
+
+/// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
+const SHARED: [usize; 2] = [6, 5];
+
+/// The headings of three views, up to a common turn.
+pub struct Relative<T: Real> {
+    pub views: [usize; 3],
+    /// One or two: both branches where the signs of the bearings leave them possible.
+    pub branches: Vec<[UnitComplex<T>; 3]>,
+    /// Inversely proportional to the standard deviation of the headings, for equal noise.
+    pub quality: T,
+}
+
+/// Triples of views for the averaging, the best conditioned first.
+///
+/// # Errors
+/// [`Error::Interrupted`]; why no triple can be estimated, when none can.
+pub fn relatives<T: Real>(
+    problem: &Problem<T>,
+    seed: u64,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Relative<T>>, Error> {
+    let count = (PER_VIEW * problem.views()).max(FEWEST);
+    let mut failure = None;
+    let mut found = Vec::new();
+    for needed in SHARED {
+        let drawn = triples::draw(problem, needed, count, seed);
+        for (done, &views) in drawn.iter().enumerate() {
+            if !tell(progress, "search", done, drawn.len()) {
+                return Err(Error::Interrupted);
+            }
+            match relative(problem, views, needed) {
+                Ok(relative) => found.extend(relative),
+                Err(error) => failure = Some(error),
+            }
+        }
+    }
+    found.sort_by(|a: &Relative<T>, b| b.quality.as_f64().total_cmp(&a.quality.as_f64()));
+    match failure {
+        Some(error) if found.is_empty() => Err(error),
+        _ => {
+            let mut taken = vec![0; problem.views()];
+            found.retain(|relative| {
+                let wanted = relative.views.iter().any(|&view| taken[view] < KEPT);
+                if wanted {
+                    for view in relative.views {
+                        taken[view] += 1;
+                    }
+                }
+                wanted
+            });
+            Ok(found)
+        }
+    }
+}
+
+/// One triple; `None` when it shares more landmarks than the last of [`SHARED`] asks for and has been drawn before.
+fn relative<T: Real>(
+    problem: &Problem<T>,
+    views: [usize; 3],
+    needed: usize,
+) -> Result<Option<Relative<T>>, Error> {
+    let (triples, _) = common_bearings(problem, views);
+    if needed == SHARED[1] && triples.len() > needed {
+        return Ok(None);
+    }
+    let tensor = CalibratedTensor::estimate(&triples, 1)?;
+    let mut motions = tensor.motions(&triples)?;
+    motions.sort_by_key(|motion| motion.inconsistent);
+    let [first, second] = &motions;
+    let margin = 1 + triples.len() / 8;
+    let rivals = second.inconsistent <= first.inconsistent + margin;
+    let branches = motions[..1 + usize::from(rivals)]
+        .iter()
+        .map(|motion| motion.poses.map(|pose| pose.rotation));
+    Ok(Some(Relative {
+        views,
+        branches: branches.collect(),
+        quality: tensor.quality(),
+    }))
+}
+
+/// The sets of views that triples connect, the largest first; views of no triple are in none.
+pub fn groups<T: Real>(views: usize, relatives: &[Relative<T>]) -> Vec<Vec<usize>> {
+    let mut parent: Vec<usize> = (0..views).collect();
+    fn root(parent: &mut [usize], mut view: usize) -> usize {
+        while parent[view] != view {
+            parent[view] = parent[parent[view]];
+            view = parent[view];
+        }
+        view
+    }
+    for relative in relatives {
+        let [a, b, c] = relative.views.map(|view| root(&mut parent, view));
+        parent[b] = a;
+        let c = root(&mut parent, c);
+        parent[c] = a;
+    }
+    let mut groups: Vec<Vec<usize>> = vec![Vec::new(); views];
+    for view in 0..views {
+        groups[root(&mut parent, view)].push(view);
+    }
+    groups.retain(|group| group.len() >= 3);
+    groups.sort_by_key(|group| core::cmp::Reverse(group.len()));
+    groups
+}

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How well a view or a landmark fits a map, and how far the map holds it.
+//!
+//! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
+
+use crate::estimation::{Map, Problem, Seen};
+use crate::geometry::{Pose, signed_angle};
+use crate::scalar::Real;
+use nalgebra::{Matrix2, Point2, Vector2};
+
+/// Noise \[rad\] that is expected before anything has been measured: a good degree, and for how many
+/// residuals the expectation counts.
+const EXPECTED_NOISE: f64 = 0.02;
+const EXPECTED_COUNT: f64 = 6.0;
+
+/// The bearing residual of a sighting over sigma.
+pub fn residual<T: Real>(pose: &Pose<T>, point: &Point2<T>, s: &Seen<T>) -> T {
+    let seen = s
+        .bearing
+        .inverse_transform_vector(&pose.inverse_transform_point(point).coords);
+    signed_angle(seen.x, seen.y) * s.weight
+}
+
+/// Sum of squared residuals over sigma, and their number.
+#[derive(Clone, Copy, Debug)]
+pub struct Fit<T: Real> {
+    pub squares: T,
+    pub count: usize,
+}
+
+impl<T: Real> Fit<T> {
+    fn of(residuals: impl Iterator<Item = T>) -> Self {
+        let nothing = Self {
+            squares: T::zero(),
+            count: 0,
+        };
+        residuals.fold(nothing, |fit, r| Self {
+            squares: fit.squares + r * r,
+            count: fit.count + 1,
+        })
+    }
+
+    /// A view at a pose, over the landmarks that have a place.
+    pub fn of_view(problem: &Problem<T>, map: &Map<T>, view: usize, pose: &Pose<T>) -> Self {
+        let seen = problem.of_view(view).iter();
+        Self::of(
+            seen.filter_map(|s| map.landmarks[s.landmark].map(|point| residual(pose, &point, s))),
+        )
+    }
+
+    /// A landmark at a place, over the views that have a pose.
+    pub fn of_landmark(
+        problem: &Problem<T>,
+        map: &Map<T>,
+        landmark: usize,
+        point: &Point2<T>,
+    ) -> Self {
+        let seen = problem.of_landmark(landmark).iter();
+        Self::of(seen.filter_map(|&k| {
+            let s = &problem.sightings()[k];
+            map.poses[s.view].map(|pose| residual(&pose, point, s))
+        }))
+    }
+
+    /// Whether the mean square, with so many parameters fitted, is within `gate` times the noise.
+    pub fn passes(&self, parameters: usize, noise: T, gate: f64) -> bool {
+        let freedom = self.count.saturating_sub(parameters).max(1);
+        let bound = T::lit(gate) * noise;
+        self.squares <= bound * bound * T::lit(freedom as f64)
+    }
+}
+
+/// The noise of a map: root mean square of its residuals over sigma per degree of freedom, drawn
+/// towards what is expected while there are few.
+pub fn noise<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
+    let (mut squares, mut weights, mut count) = (T::zero(), T::zero(), 0);
+    for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
+        weights += s.weight * s.weight;
+        if let Some(residual) = residual {
+            let r = residual * s.weight;
+            squares += r * r;
+            count += 1;
+        }
+    }
+    let parameters =
+        3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
+    let freedom = T::lit((count + 4_usize).saturating_sub(parameters) as f64);
+    let all = T::lit(problem.sightings().len().max(1) as f64);
+    let expected = T::lit(EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
+    let counted = T::lit(EXPECTED_COUNT);
+    ((squares + expected * counted) / (freedom + counted)).sqrt()
+}
+
+/// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ by less.
+pub fn rounding<T: Real>(problem: &Problem<T>) -> f64 {
+    let weights = problem.sightings().iter();
+    let square = weights.fold(T::zero(), |most, s| most.max(s.weight * s.weight));
+    (square * T::eps()).as_f64()
+}
+
+/// The relative variance of the range of a landmark, for residuals of one sigma and views held fixed:
+/// infinite for parallel rays.
+pub fn range_variance<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    landmark: usize,
+    point: &Point2<T>,
+) -> T {
+    let mut information = Matrix2::zeros();
+    for &k in problem.of_landmark(landmark) {
+        let s = &problem.sightings()[k];
+        let Some(pose) = map.poses[s.view] else {
+            continue;
+        };
+        let offset = point.coords - pose.translation.vector;
+        let range = offset.norm();
+        // Over one range only: information about the position in units of the range.
+        let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / range);
+        information += gradient * gradient.transpose();
+    }
+    // The trace is the larger eigenvalue, but for a factor of two.
+    information.trace() / information.determinant().max(T::zero())
+}

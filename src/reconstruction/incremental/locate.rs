@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Places of single views and landmarks in a map.
+//!
+//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms know nothing of
+//! the side: the place that puts it ahead is tried as well.
+
+use super::gates::Fit;
+use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
+use crate::geometry::Pose;
+use crate::kernels::{Resection, resect, triangulate};
+use crate::scalar::Real;
+use nalgebra::{Point2, Translation2, Vector2};
+
+/// A view from the landmarks that have a place: how it was found, its pose and how that fits.
+pub fn view<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    view: usize,
+) -> Option<(Resection<T>, Pose<T>, Fit<T>)> {
+    let seen = problem
+        .of_view(view)
+        .iter()
+        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, s)));
+    let found = resect(seen.clone().map(|(point, s)| (point, s.bearing))).ok()?;
+    let pose = found.pose;
+    let fit = Fit::of_view(problem, map, view, &pose);
+    let offset = |point: &Point2<T>| point.coords - pose.translation.vector;
+    let (point, s) = seen.min_by(|(a, _), (b, _)| {
+        let [a, b] = [a, b].map(|point| offset(point).norm_squared().as_f64());
+        a.total_cmp(&b)
+    })?;
+    let place = point.coords - ray(&pose, s) * offset(&point).norm();
+    let beside = Pose::from_parts(Translation2::from(place), pose.rotation);
+    let fit_beside = Fit::of_view(problem, map, view, &beside);
+    if fit_beside.squares < fit.squares {
+        Some((found, beside, fit_beside))
+    } else {
+        Some((found, pose, fit))
+    }
+}
+
+/// A landmark from the views that have a pose: where their rays meet, and how that fits.
+pub fn landmark<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    landmark: usize,
+) -> Option<(Point2<T>, Fit<T>)> {
+    let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
+        let s = &problem.sightings()[k];
+        map.poses[s.view].map(|pose| (pose, s))
+    });
+    rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1)?;
+    let found = triangulate(rays.clone().map(|(pose, s)| (pose, s.bearing))).ok()?;
+    let point = found.point;
+    let fit = Fit::of_landmark(problem, map, landmark, &point);
+    if found.behind == 0 {
+        return Some((point, fit));
+    }
+    let range = |pose: &Pose<T>| (point.coords - pose.translation.vector).norm();
+    let (pose, s) = rays.min_by(|(a, _), (b, _)| {
+        let [a, b] = [a, b].map(|pose| range(pose).as_f64());
+        a.total_cmp(&b)
+    })?;
+    let beside = Point2::from(pose.translation.vector + ray(&pose, s) * range(&pose));
+    let fit_beside = Fit::of_landmark(problem, map, landmark, &beside);
+    if fit_beside.squares < fit.squares {
+        Some((beside, fit_beside))
+    } else {
+        Some((point, fit))
+    }
+}
+
+/// A place so many times the size of the map out along the mean ray of a landmark that two views see.
+pub fn far_out<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    landmark: usize,
+) -> Option<(Point2<T>, Fit<T>)> {
+    let mut count = 0;
+    let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
+    for &k in problem.of_landmark(landmark) {
+        let s = &problem.sightings()[k];
+        if let Some(pose) = &map.poses[s.view] {
+            sum += ray(pose, s);
+            from += pose.translation.vector;
+            count += 1;
+        }
+    }
+    if count < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > T::eps()) {
+        return None;
+    }
+    let middle = from / T::lit(count as f64);
+    let place = Point2::from(middle + sum.normalize() * (size(map) * T::lit(FAR)));
+    Some((place, Fit::of_landmark(problem, map, landmark, &place)))
+}
+
+/// So many times the size of the map is far out: beyond it the refinement tells infinity.
+const FAR: f64 = 30.0;
+
+/// The root mean square distance of the views from the first.
+fn size<T: Real>(map: &Map<T>) -> T {
+    let mut views = map
+        .poses
+        .iter()
+        .flatten()
+        .map(|pose| pose.translation.vector);
+    let Some(first) = views.next() else {
+        return T::one();
+    };
+    let (sum, count) = views.fold((T::zero(), T::one()), |(sum, count), view| {
+        (sum + (view - first).norm_squared(), count + T::one())
+    });
+    (sum / count).sqrt()
+}
+
+/// The direction of a sighting in the map frame.
+fn ray<T: Real>(pose: &Pose<T>, s: &Seen<T>) -> Vector2<T> {
+    let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+    Vector2::new(ray.re, ray.im)
+}

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Which of several maps is the best, and two that share landmarks become one.
+
+use super::super::options::Progress;
+use super::super::result::Reconstruction;
+use super::complete::finish;
+use super::gates::{noise, range_variance, rounding};
+use crate::error::Error;
+use crate::estimation::{Map, Problem, RefineOptions};
+use crate::geometry::{align, transform_pose};
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::Point2;
+
+/// The cost per degree of freedom.
+pub fn variance<T: Real>(found: &Reconstruction<T>) -> f64 {
+    found.cost.as_f64() / found.freedom.max(1) as f64
+}
+
+/// Number of views in a map.
+pub fn views<T: Real>(found: &Reconstruction<T>) -> usize {
+    found.map.poses.iter().flatten().count()
+}
+
+/// A map fits about as well as another when its cost per degree of freedom is at most so many times the other's.
+const AS_GOOD: f64 = 4.0;
+
+/// Of those that fit about as well as the best, the one that reaches most, then the lowest.
+pub fn best<T: Real>(
+    problem: &Problem<T>,
+    found: Vec<Reconstruction<T>>,
+) -> Option<Reconstruction<T>> {
+    let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
+    let bound = AS_GOOD * least + rounding(problem);
+    found.into_iter().min_by(|a, b| {
+        let misfits = |found: &Reconstruction<T>| !(variance(found) <= bound);
+        misfits(a)
+            .cmp(&misfits(b))
+            .then(a.undetermined.len().cmp(&b.undetermined.len()))
+            .then(a.cost.as_f64().total_cmp(&b.cost.as_f64()))
+    })
+}
+
+/// Joins maps that share landmarks; the largest first.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+pub fn merge<T: Real>(
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    mut found: Vec<Reconstruction<T>>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Reconstruction<T>>, Error> {
+    // Views of no map may fit the two together.
+    let mut free = vec![true; problem.views()];
+    for map in &found {
+        for (free, pose) in free.iter_mut().zip(&map.map.poses) {
+            *free &= pose.is_none();
+        }
+    }
+    let (mut a, mut b) = (0, 1);
+    while b < found.len() {
+        if let Some(joined) = joined(problem, options, [&found[a], &found[b]], &free, progress)? {
+            for (free, pose) in free.iter_mut().zip(&joined.map.poses) {
+                *free &= pose.is_none();
+            }
+            found[a] = joined;
+            found.remove(b);
+            (a, b) = (0, 1);
+        } else if b + 1 < found.len() {
+            b += 1;
+        } else {
+            (a, b) = (a + 1, a + 2);
+        }
+    }
+    found.sort_by_key(|found| core::cmp::Reverse(views(found)));
+    Ok(found)
+}
+
+/// Two maps as one, refined; `None` where too little ties them or they do not fit.
+fn joined<T: Real>(
+    problem: &Problem<T>,
+    options: &RefineOptions<T>,
+    [first, second]: [&Reconstruction<T>; 2],
+    free: &[bool],
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Reconstruction<T>>, Error> {
+    let Some(start) = merged(problem, &first.map, &second.map) else {
+        return Ok(None);
+    };
+    let Some(joined) = finish(problem, options, start, free, progress)? else {
+        return Ok(None);
+    };
+    // As good as apart, per degree of freedom: they belong together.
+    let freedom = (first.freedom + second.freedom).max(1) as f64;
+    let apart = (first.cost + second.cost).as_f64() / freedom;
+    let fits = variance(&joined) <= AS_GOOD * apart + rounding(problem);
+    Ok(fits.then_some(joined))
+}
+
+/// Landmarks that tie two maps: as many as a similarity needs.
+const TIES: usize = 2;
+
+/// A landmark ties when both maps know its range to this part of it: one nearly at infinity would
+/// decide the scale alone.
+const MAX_DEVIATION: f64 = 0.25;
+
+/// The first map with what the second has beyond it, moved by the similarity that fits their common
+/// landmarks best; `None` when they share fewer than two.
+///
+/// Two shared landmarks fix the similarity and leave nothing to check it; the refinement of the
+/// whole does, by its cost.
+fn merged<T: Real>(problem: &Problem<T>, first: &Map<T>, second: &Map<T>) -> Option<Map<T>> {
+    let (mut source, mut target) = (Vec::new(), Vec::new());
+    let held = |map: &Map<T>, noise: T, landmark: usize, point: &Point2<T>| {
+        let bound = T::lit(MAX_DEVIATION) / noise;
+        range_variance(problem, map, landmark, point) < bound * bound
+    };
+    let noises = [noise(problem, first), noise(problem, second)];
+    for landmark in 0..problem.landmarks() {
+        if let (Some(a), Some(b)) = (first.landmarks[landmark], second.landmarks[landmark])
+            && held(first, noises[0], landmark, &a)
+            && held(second, noises[1], landmark, &b)
+        {
+            source.push(b);
+            target.push(a);
+        }
+    }
+    if source.len() < TIES {
+        return None;
+    }
+    let similarity = align(&source, &target).ok()?;
+    let mut map = first.clone();
+    for (to, from) in map.poses.iter_mut().zip(&second.poses) {
+        *to = to.or_else(|| from.map(|pose| transform_pose(&similarity, &pose)));
+    }
+    for (to, from) in map.landmarks.iter_mut().zip(&second.landmarks) {
+        *to = to.or_else(|| from.map(|point| similarity.transform_point(&point)));
+    }
+    Some(map)
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Where maps begin: well conditioned triples of views.
+
+use super::super::triples::{self, common_bearings};
+use crate::error::Error;
+use crate::estimation::{Map, Problem};
+use crate::kernels::{CalibratedTensor, Method, three_view};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// Triples drawn per view, and at least and at most.
+const PER_VIEW: usize = 8;
+const FEWEST: usize = 64;
+const MOST: usize = 2000;
+
+/// Landmarks that the views of a seed must share: one more than the tensor needs, so that something
+/// checks it, or just enough where there is no more.
+const SHARED: [usize; 2] = [6, 5];
+
+/// Triples of views that may start a map, the best conditioned first.
+///
+/// # Errors
+/// Why the last of them could not, when none can; `Ok` and empty when no three views share five
+/// landmarks.
+pub fn seeds<T: Real>(problem: &Problem<T>, seed: u64) -> Result<Vec<[usize; 3]>, Error> {
+    let count = (PER_VIEW * problem.views()).clamp(FEWEST, MOST);
+    let mut found: Vec<(bool, f64, [usize; 3])> = Vec::new();
+    let mut failure = None;
+    for needed in SHARED {
+        for views in triples::draw(problem, needed, count, seed) {
+            if found.iter().any(|(_, _, other)| *other == views) {
+                continue;
+            }
+            let (triples, _) = common_bearings(problem, views);
+            match CalibratedTensor::estimate(&triples, 0) {
+                Ok(tensor) => {
+                    found.push((triples.len() < SHARED[0], tensor.quality().as_f64(), views))
+                }
+                Err(error) => failure = Some(error),
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    match failure {
+        Some(error) if found.is_empty() => Err(error),
+        _ => Ok(found.into_iter().map(|(_, _, views)| views).collect()),
+    }
+}
+
+/// The poses of a seed: one map, or two where the signs of the bearings leave both branches possible.
+pub fn begin<T: Real>(problem: &Problem<T>, views: [usize; 3]) -> Vec<Map<T>> {
+    let (triples, _) = common_bearings(problem, views);
+    let Ok(solution) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
+        return Vec::new();
+    };
+    let [first, second] = &solution.motions;
+    let margin = 1 + triples.len() / 8;
+    let rivals = second.inconsistent <= first.inconsistent + margin;
+    let motions = solution.motions.iter().take(1 + usize::from(rivals));
+    motions
+        .map(|motion| {
+            let mut map = Map::empty(problem.views(), problem.landmarks());
+            for (&view, pose) in views.iter().zip(motion.poses) {
+                map.poses[view] = Some(pose);
+            }
+            map
+        })
+        .collect()
+}

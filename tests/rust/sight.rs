@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Maps under limited sight: components, what is undetermined, both methods.
+
+use crate::common::truth;
+use bearslam::{
+    Arena, Error, Layout, Pose, Problem, Real, Reconstruction, RefineOptions, Scene, Search,
+    Sighting, SolveOptions, Strategy, Subject, Termination, Why, align, bearing_to, initialize,
+    refine, simulate, solve,
+};
+use nalgebra::Point2;
+
+fn with(strategy: Strategy) -> SolveOptions<f64> {
+    SolveOptions {
+        strategy,
+        ..SolveOptions::default()
+    }
+}
+
+/// A loop of views that see two metres far.
+fn trajectory(views: usize, seed: u64) -> (Scene, Problem<f64>) {
+    let arena = Arena {
+        sight: 2.0,
+        ..Arena::default()
+    };
+    let noise = 0.5_f64.to_radians();
+    let scene = simulate(Layout::Trajectory, views, 60, noise, seed, arena).unwrap();
+    let problem = Problem::dense(views, 60, &scene.bearings, 1.0).unwrap();
+    (scene, problem)
+}
+
+/// Exact sightings of some landmarks from the views of a range.
+fn sightings(
+    scene: &Scene,
+    views: std::ops::Range<usize>,
+    landmarks: std::ops::Range<usize>,
+) -> Vec<Sighting<f64>> {
+    let see = |view: usize, landmark: usize| Sighting {
+        view,
+        landmark,
+        bearing: bearing_to(&scene.poses[view], &scene.landmarks[landmark])
+            .unwrap()
+            .angle(),
+        sigma: 1.0,
+    };
+    views
+        .flat_map(|view| landmarks.clone().map(move |landmark| see(view, landmark)))
+        .collect()
+}
+
+/// Largest distance of a map from the truth after the similarity that fits its landmarks best.
+fn distance(found: &Reconstruction<f64>, scene: &Scene) -> f64 {
+    let pairs: Vec<(Point2<f64>, Point2<f64>)> = found
+        .map
+        .landmarks
+        .iter()
+        .zip(&scene.landmarks)
+        .filter_map(|(found, truth)| found.map(|found| (found, *truth)))
+        .collect();
+    let (source, target): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
+    let fit = align(&source, &target).unwrap();
+    let poses = found.map.poses.iter().zip(&scene.poses);
+    let poses = poses.filter_map(|(found, truth): (_, &Pose<f64>)| {
+        found.map(|found| (Point2::from(found.translation.vector), truth))
+    });
+    let views = poses.map(|(found, truth)| {
+        (fit.transform_point(&found).coords - truth.translation.vector).norm()
+    });
+    let landmarks = source.iter().zip(&target);
+    let landmarks = landmarks.map(|(found, truth)| (fit.transform_point(found) - truth).norm());
+    views.chain(landmarks).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_trajectory_is_recovered_by_both_methods() {
+    for seed in [0, 1] {
+        let (scene, problem) = trajectory(40, seed);
+        let oracle = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+        for strategy in [
+            Strategy::Search(Search::default()),
+            Strategy::Incremental,
+            Strategy::Global,
+        ] {
+            let found = solve(&problem, &with(strategy), None).unwrap();
+            assert_eq!(found.undetermined, oracle.undetermined, "{strategy:?}");
+            assert!(
+                found.cost <= oracle.cost * (1.0 + 1e-5),
+                "{strategy:?} {seed}: {} {}",
+                found.cost,
+                oracle.cost
+            );
+            assert!(found.components.is_empty());
+            // The same bits for the same seed.
+            assert_eq!(
+                found.map,
+                solve(&problem, &with(strategy), None).unwrap().map
+            );
+            // A start without refinement, of which the refinement makes the same.
+            let start = initialize(&problem, &with(strategy), None).unwrap();
+            assert_eq!(start.termination, Termination::NotRefined);
+            assert!(start.cost > found.cost);
+            assert!(distance(&start, &scene) < 1.0);
+        }
+    }
+}
+
+#[test]
+fn many_views_of_everything_are_no_harder() {
+    let scene = simulate(Layout::Mixed, 50, 8, 0.005, 3, Arena::default()).unwrap();
+    let problem = Problem::dense(50, 8, &scene.bearings, 1.0).unwrap();
+    let oracle = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!(found.cost <= oracle.cost * (1.0 + 1e-5));
+    // In single precision as well.
+    let bearings: Vec<f32> = scene.bearings.iter().map(|&b| f32::lit(b)).collect();
+    let problem = Problem::dense(50, 8, &bearings, 1.0_f32).unwrap();
+    for strategy in [Strategy::Incremental, Strategy::Global] {
+        let options = SolveOptions {
+            strategy,
+            ..SolveOptions::default()
+        };
+        let found = solve(&problem, &options, None).unwrap();
+        assert!(f64::from(found.cost) <= oracle.cost * 1.001, "{strategy:?}");
+    }
+}
+
+#[test]
+fn separate_components_are_separate_maps() {
+    // Views 0 to 5 see landmarks 0 to 8, views 6 to 13 see 9 to 19: nothing ties the two.
+    let scene = simulate(Layout::Mixed, 14, 20, 0.0, 7, Arena::default()).unwrap();
+    let mut seen = sightings(&scene, 0..6, 0..9);
+    seen.extend(sightings(&scene, 6..14, 9..20));
+    let problem = Problem::new(14, 20, &seen).unwrap();
+    for strategy in [
+        Strategy::Search(Search::default()),
+        Strategy::Incremental,
+        Strategy::Global,
+    ] {
+        let found = solve(&problem, &with(strategy), None).unwrap();
+        assert!(
+            found.undetermined.is_empty(),
+            "{strategy:?} {:?}",
+            found.undetermined
+        );
+        // The larger first.
+        assert!(found.map.poses[..6].iter().all(Option::is_none));
+        assert!(found.map.poses[6..].iter().all(Option::is_some));
+        let [other] = &found.components[..] else {
+            panic!("{} components", found.components.len());
+        };
+        assert!(other.map.poses[..6].iter().all(Option::is_some));
+        assert!(other.map.poses[6..].iter().all(Option::is_none));
+        assert!(other.undetermined.is_empty());
+        for map in [&found, other] {
+            assert!(distance(map, &scene) < 1e-6, "{strategy:?}");
+            assert!(map.sensitivity.is_finite());
+        }
+    }
+}
+
+#[test]
+fn maps_that_share_two_landmarks_become_one() {
+    // Landmarks 8 and 9 are seen from both sides: too few to add a view of the one to the other.
+    for seed in 0..5 {
+        let scene = simulate(Layout::Mixed, 14, 20, 0.0, seed, Arena::default()).unwrap();
+        let mut seen = sightings(&scene, 0..6, 0..10);
+        seen.extend(sightings(&scene, 6..14, 8..20));
+        let problem = Problem::new(14, 20, &seen).unwrap();
+        for strategy in [Strategy::Incremental, Strategy::Global] {
+            let found = solve(&problem, &with(strategy), None).unwrap();
+            assert!(found.components.is_empty(), "{strategy:?} {seed}");
+            assert!(found.map.is_complete());
+            assert!(distance(&found, &scene) < 1e-6, "{strategy:?} {seed}");
+        }
+        // One shared landmark leaves the scale and the turn free.
+        let mut seen = sightings(&scene, 0..6, 0..9);
+        seen.extend(sightings(&scene, 6..14, 8..20));
+        let problem = Problem::new(14, 20, &seen).unwrap();
+        let found = solve(&problem, &with(Strategy::Incremental), None).unwrap();
+        assert_eq!(found.components.len(), 1, "{seed}");
+        // It has a place in both maps.
+        assert!(found.map.landmarks[8].is_some());
+        assert!(found.components[0].map.landmarks[8].is_some());
+    }
+}
+
+#[test]
+fn what_cannot_be_determined_is_named() {
+    let scene = simulate(Layout::Mixed, 12, 22, 0.0, 5, Arena::default()).unwrap();
+    // Landmark 19 is seen once, 20 by a view that is itself lost, 21 never; view 10 sees two landmarks, view 11 three of
+    // which only two have a place.
+    let mut seen = sightings(&scene, 0..10, 0..19);
+    seen.extend(sightings(&scene, 3..4, 19..20));
+    seen.extend(sightings(&scene, 10..11, 4..6));
+    seen.extend(sightings(&scene, 11..12, 2..4));
+    seen.extend(sightings(&scene, 11..12, 20..21));
+    let problem = Problem::new(12, 22, &seen).unwrap();
+    for strategy in [Strategy::Incremental, Strategy::Global] {
+        let found = solve(&problem, &with(strategy), None).unwrap();
+        assert!(distance(&found, &scene) < 1e-6);
+        let named: Vec<(Subject, Why)> = found
+            .undetermined
+            .iter()
+            .map(|undetermined| (undetermined.subject, undetermined.why))
+            .collect();
+        let few = |got, needed| Why::TooFewSightings { got, needed };
+        let cut = |got, needed| Why::NotConnected { got, needed };
+        assert_eq!(
+            named,
+            [
+                (Subject::View(10), few(2, 3)),
+                (Subject::View(11), cut(2, 3)),
+                (Subject::Landmark(19), few(1, 2)),
+                (Subject::Landmark(20), few(1, 2)),
+                (Subject::Landmark(21), few(0, 2)),
+            ],
+            "{strategy:?}"
+        );
+    }
+}
+
+#[test]
+fn a_view_that_does_not_agree_is_left_out_with_the_reason() {
+    let (scene, problem) = trajectory(45, 2);
+    // One view's bearings are taken from nowhere.
+    let wrong = 20;
+    let mut bearings = scene.bearings.clone();
+    for landmark in 0..60 {
+        let bearing = &mut bearings[wrong * 60 + landmark];
+        *bearing += (37 * landmark % 60) as f64 * 0.1;
+    }
+    let spoiled = Problem::dense(45, 60, &bearings, 1.0).unwrap();
+    let found = solve(&spoiled, &with(Strategy::Incremental), None).unwrap();
+    let why = found
+        .undetermined
+        .iter()
+        .find(|u| u.subject == Subject::View(wrong));
+    assert_eq!(why.map(|u| u.why), Some(Why::Misfit));
+    // The others are where they are without it.
+    let clean = solve(&problem, &with(Strategy::Incremental), None).unwrap();
+    assert!(found.map.poses.iter().flatten().count() == 44);
+    assert!(found.rms < 1.5 * clean.rms);
+}
+
+#[test]
+fn a_problem_that_cannot_start_is_a_typed_error() {
+    let scene = simulate(Layout::Mixed, 10, 4, 0.0, 1, Arena::default()).unwrap();
+    let problem = Problem::dense(10, 4, &scene.bearings, 1.0).unwrap();
+    for strategy in [Strategy::Incremental, Strategy::Global] {
+        assert_eq!(
+            solve(&problem, &with(strategy), None).unwrap_err(),
+            Error::TooFew {
+                what: "landmarks seen by the same three views",
+                needed: 5,
+                got: 4
+            }
+        );
+    }
+    let (_, problem) = trajectory(40, 0);
+    for strategy in [Strategy::Incremental, Strategy::Global] {
+        let mut calls = 0;
+        let stopped = solve(
+            &problem,
+            &with(strategy),
+            Some(&mut |_, done, all| {
+                calls += 1;
+                assert!(done <= all);
+                calls < 5
+            }),
+        );
+        assert_eq!(stopped, Err(Error::Interrupted));
+        assert_eq!(calls, 5);
+    }
+}
