@@ -12,7 +12,9 @@ mod result;
 mod search;
 mod solve;
 mod triples;
+mod witness;
 
 pub use options::{Progress, Search, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};
+pub(crate) use witness::{mirror_images, seed, witness};

@@ -208,7 +208,7 @@ impl<T: Real> Problem<T> {
 
     /// The part of the problem between the views and landmarks that are kept, numbered anew in
     /// their order. Input indices refer to the sightings of this problem.
-    pub(super) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
+    pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
         let number = |keep: &[bool]| {
             let mut next = 0;
             let numbers: Vec<usize> = keep

@@ -152,6 +152,16 @@ pub fn solve<T: Real>(
     options: &SolveOptions<T>,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
+    let best = best(problem, options, progress)?;
+    judge(problem, best)
+}
+
+/// The map of [`solve`], not yet tested for free directions.
+pub fn best<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Reconstruction<T>, Error> {
     let mut progress = progress;
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
@@ -194,7 +204,7 @@ pub fn solve<T: Real>(
     for rival in &mut best.alternatives {
         take_out_unbounded(problem, rival);
     }
-    judge(problem, best)
+    Ok(best)
 }
 
 /// Fills in sensitivity and uncertainty.

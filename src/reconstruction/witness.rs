@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A map that explains the bearings, one of many where they leave freedom: evidence for a diagnosis.
+
+use super::circle::{Circle, along_circle};
+use super::expand::grow;
+use super::minima::same;
+use super::options::{Progress, SolveOptions};
+use super::solve::{best, refine};
+use super::triples::{common_bearings, draw};
+use crate::error::Error;
+use crate::estimation::{Map, Problem, RefineOptions, Undetermined};
+use crate::kernels::{Method, three_view};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+
+/// A map and how it explains the bearings.
+pub struct Witness<T: Real> {
+    pub map: Map<T>,
+    /// Half the sum of squared residuals over sigma.
+    pub cost: f64,
+    /// Degrees of freedom.
+    pub freedom: usize,
+    pub undetermined: Vec<Undetermined>,
+    /// Costs per degree of freedom of other maps that explain the bearings nearly as well.
+    pub rivals: Vec<f64>,
+}
+
+/// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
+/// maps that are refined: of a degenerate problem any place will do.
+const TRIPLES: usize = 3;
+const PLACES: usize = 24;
+const REFINED: usize = 6;
+
+/// The map of [`solve`](super::solve), whether it is determined or not; where there is none, a map from
+/// the null space of the tensor of three views.
+///
+/// `None` when no three views share four landmarks.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so, [`Error::TooLarge`] as the refinement.
+pub fn witness<T: Real>(
+    problem: &Problem<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Option<Witness<T>>, Error> {
+    match best(problem, &SolveOptions::default(), progress) {
+        Ok(found) => {
+            let rivals = found.alternatives.iter();
+            return Ok(Some(Witness {
+                cost: found.cost.as_f64(),
+                freedom: found.freedom,
+                rivals: rivals.map(|r| variance(r.cost, r.freedom)).collect(),
+                undetermined: found.undetermined,
+                map: found.map,
+            }));
+        }
+        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
+        Err(_) => {}
+    }
+    let circle = Circle {
+        places: PLACES,
+        width: 1.0,
+    };
+    let mut scored = Vec::new();
+    for views in draw(problem, 4, TRIPLES, 0) {
+        scored.extend(along_circle(problem, views, circle));
+    }
+    scored.sort_by(|a, b| a.0.as_f64().total_cmp(&b.0.as_f64()));
+    let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
+    Ok(least(problem, maps))
+}
+
+/// The refined map of least cost, of those that reach most.
+fn least<T: Real>(problem: &Problem<T>, maps: impl Iterator<Item = Map<T>>) -> Option<Witness<T>> {
+    let options = RefineOptions::default();
+    let refined = maps.filter_map(|map| refine(problem, &map, &options, None).ok());
+    let found = refined.min_by(|a, b| {
+        let missing = |r: &super::Reconstruction<T>| r.undetermined.len();
+        let cost = |r: &super::Reconstruction<T>| r.cost.as_f64();
+        missing(a)
+            .cmp(&missing(b))
+            .then(cost(a).total_cmp(&cost(b)))
+    })?;
+    Some(Witness {
+        cost: found.cost.as_f64(),
+        freedom: found.freedom,
+        undetermined: found.undetermined,
+        map: found.map,
+        rivals: Vec::new(),
+    })
+}
+
+/// Costs per degree of freedom of the other branch of three views, refined: those of both branches that
+/// are not the given map.
+pub fn mirror_images<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Vec<f64> {
+    if problem.views() != 3 {
+        return Vec::new();
+    }
+    let (triples, _) = common_bearings(problem, [0, 1, 2]);
+    let Ok(found) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
+        return Vec::new();
+    };
+    let known = map.normalized();
+    let options = RefineOptions::default();
+    let mut costs = Vec::new();
+    for motion in &found.motions {
+        let mut start = Map::empty(3, problem.landmarks());
+        for (view, pose) in motion.poses.into_iter().enumerate() {
+            start.poses[view] = Some(pose);
+        }
+        grow(problem, &mut start);
+        if let Ok(found) = refine(problem, &start, &options, None)
+            && !same(&found.map, &known)
+        {
+            costs.push(variance(found.cost, found.freedom));
+        }
+    }
+    costs
+}
+
+fn variance<T: Real>(cost: T, freedom: usize) -> f64 {
+    2.0 * cost.as_f64() / freedom.max(1) as f64
+}
+
+/// Three views to tie a map to: of some that share five landmarks, or four, the best connected.
+pub fn seed<T: Real>(problem: &Problem<T>) -> Option<[usize; 3]> {
+    [5, 4].into_iter().find_map(|needed| {
+        let drawn = draw(problem, needed, 24, 0);
+        drawn
+            .into_iter()
+            .max_by_key(|&views| common_bearings(problem, views).1.len())
+    })
+}
