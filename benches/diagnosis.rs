@@ -65,7 +65,10 @@ fn main() {
                 let problem = scene.problem(1.0);
                 (scene, problem, false)
             });
-            print!("| {name} | {}x{} | {at_truth} | {counted} | {alone}", size.0, size.1);
+            print!(
+                "| {name} | {}x{} | {at_truth} | {counted} | {alone}",
+                size.0, size.1
+            );
             for noise in NOISES_DEG.map(f64::to_radians) {
                 for sigma in [noise, 1.0] {
                     let noisy = count(&|seed| {
@@ -79,7 +82,9 @@ fn main() {
             println!(" |");
         }
     }
-    println!("\nharmless relatives: errors and warnings, of {draws} scenes each, exact at the truth, exact alone, 0.1 deg\n");
+    println!(
+        "\nharmless relatives: errors and warnings, of {draws} scenes each, exact at the truth, exact alone, 0.1 deg\n"
+    );
     for (name, views, landmarks, sizes, _) in HARMLESS {
         for &size in sizes {
             let mut counts = [[0; 2]; 3];
@@ -124,5 +129,8 @@ fn main() {
         }
     }
     let each = begin.elapsed().as_secs_f64() / (3 * scenes) as f64;
-    println!("alarms of {scenes} scenes at 0, 0.1, 0.5 deg: {total:?}; {:.2} ms each", 1e3 * each);
+    println!(
+        "alarms of {scenes} scenes at 0, 0.1, 0.5 deg: {total:?}; {:.2} ms each",
+        1e3 * each
+    );
 }

@@ -9,6 +9,7 @@ mod counting;
 mod describe;
 mod diagnose;
 mod examine;
+mod family;
 mod figure;
 mod finding;
 mod movers;

@@ -7,7 +7,7 @@ use super::shape::Shape;
 use super::spectrum::Spectrum;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Vector2};
+use nalgebra::{ComplexField, DMatrix, DVector, Vector2};
 
 /// A named configuration: points that share shapes.
 #[derive(Clone, Debug)]
@@ -17,7 +17,8 @@ pub struct Configuration {
     pub shapes: Vec<(Shape, Vec<usize>)>,
 }
 
-/// Points are off a shape by at most this many predicted standard deviations.
+/// Points are off a shape, all together, by at most this many predicted standard deviations more than
+/// the root of their number.
 const SURE: f64 = 4.0;
 
 /// Points are off a shape by at most this part of their units, whatever the noise: beyond that it is not
@@ -60,13 +61,16 @@ impl Configuration {
             kind: Kind::CoincidentViews,
             shapes,
         }));
-        found.push(Self {
-            kind: Kind::LinesOfViewsAndOfLandmarks,
-            shapes: vec![
-                (Shape::Line, views.clone()),
-                (Shape::Line, landmarks.clone()),
-            ],
-        });
+        // Of three views of a wall some member of the family nearly always is on a line.
+        if m > 3 {
+            found.push(Self {
+                kind: Kind::LinesOfViewsAndOfLandmarks,
+                shapes: vec![
+                    (Shape::Line, views.clone()),
+                    (Shape::Line, landmarks.clone()),
+                ],
+            });
+        }
         found.push(one(Kind::CollinearLandmarks, Shape::Line, &landmarks));
         if n == 4 {
             found.push(one(Kind::FourLandmarksOnACircle, Shape::Circle, &landmarks));
@@ -132,26 +136,39 @@ impl Configuration {
         {
             return true;
         }
-        let mut variance = vec![0.0; off.len()];
+        let count = off.len();
+        let mut covariance = DMatrix::from_diagonal(&DVector::from_iterator(
+            count,
+            unit.iter().map(|unit| (exact * unit) * (exact * unit)),
+        ));
         for k in spectrum.free()..spectrum.values.len() {
             let moves = spectrum.moves(figure, k);
-            let moved = |step: f64| -> Option<Vec<f64>> {
+            let moved = |step: f64| -> Option<DVector<f64>> {
                 let points = figure.points.iter().zip(&moves).map(|(p, d)| p + d * step);
                 self.distances(&points.collect::<Vec<_>>())
+                    .map(DVector::from_vec)
             };
             let (Some(up), Some(down)) = (moved(STEP), moved(-STEP)) else {
                 return false;
             };
             let deviation = spectrum.deviation(k, noise).min(1.0);
-            for ((sum, up), down) in variance.iter_mut().zip(up).zip(down) {
-                let slope = (up - down) / (2.0 * STEP) * deviation;
-                *sum += slope * slope;
-            }
+            let slope = (up - down) * (deviation / (2.0 * STEP));
+            covariance.ger(1.0, &slope, &slope, 1.0);
         }
-        let allowed = |variance: f64, unit: f64| SURE * ComplexField::sqrt(variance) + exact * unit;
-        off.iter()
-            .zip(variance.iter().zip(&unit))
-            .all(|(d, (&variance, &unit))| d.abs() <= allowed(variance, unit))
+        let off = DVector::from_vec(off);
+        let Some(factor) = covariance.cholesky() else {
+            return false;
+        };
+        let distance = ComplexField::sqrt(off.dot(&factor.solve(&off)));
+        let taken: usize = self
+            .shapes
+            .iter()
+            .map(|(shape, _)| shape.parameters())
+            .sum();
+        let expected = ComplexField::sqrt(count.saturating_sub(taken) as f64);
+        // The offset from the fold grows with the root of the noise, which doubles it in this measure.
+        let folded = self.kind == Kind::ThreeCollinearViews;
+        distance <= expected + if folded { 2.0 * SURE } else { SURE }
     }
 
     /// Distances of the points from their shapes.

@@ -5,6 +5,7 @@ use super::appearance::apparent;
 use super::counting;
 use super::describe::{configuration, finding};
 use super::examine::{Examination, examine};
+use super::family::Family;
 use super::figure::Figure;
 use super::finding::{Finding, Kind, Severity, apart};
 use super::report::{Diagnosis, NullDirection};
@@ -13,7 +14,7 @@ use super::structure::{Core, Part, tied};
 use super::words::both;
 use crate::error::Error;
 use crate::estimation::{Map, Problem, Subject, Undetermined, Why};
-use crate::reconstruction::{Progress, mirror_images, seed, witness};
+use crate::reconstruction::{Progress, Witness, mirror_images, seed, witness};
 use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
@@ -118,6 +119,10 @@ struct Work<'a, T: Real> {
 /// Residuals \[rad\] above which a map explains nothing.
 const PLAUSIBLE_RMS: f64 = 0.1;
 
+/// Noise \[rad\] up to which bearings are looked at for shapes when a map has told the noise, which it
+/// may have from a wrong minimum: half a degree.
+const APPARENT_NOISE: f64 = 0.01;
+
 /// Residuals of a second map that are less than this many times those of the best leave a doubt.
 const CLEAR_MARGIN: f64 = 3.0;
 
@@ -151,8 +156,7 @@ impl<'a, T: Real> Work<'a, T> {
         self.diagnosis.findings.extend(too_little);
         let stated = self.stated_noise();
         if let Some(map) = self.given.take() {
-            let lost: Vec<Undetermined> = Vec::new();
-            self.of_map(&map, stated, &lost, hopeless, true);
+            self.of_given(&map, stated, hopeless);
             return Ok(());
         }
         if hopeless {
@@ -184,23 +188,131 @@ impl<'a, T: Real> Work<'a, T> {
             self.not_examined("no map could be made from the bearings");
             return Ok(());
         };
-        let estimated =
-            ComplexField::sqrt(2.0 * found.cost / found.freedom.max(1) as f64) / self.mean_weight();
+        let variance = 2.0 * found.cost / found.freedom.max(1) as f64;
+        let estimated = ComplexField::sqrt(variance) / self.mean_weight();
         let noise = stated.unwrap_or(if found.freedom > 0 { estimated } else { 0.0 });
         if stated.is_none()
-            && noise < PLAUSIBLE_RMS
-            && let Some(figure) = apparent(&self.problem, noise)
+            && let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE))
         {
             self.of_figure(&figure, noise, false);
             return Ok(());
         }
-        self.margin(
-            &found.map,
-            2.0 * found.cost / found.freedom.max(1) as f64,
-            found.rivals,
-        );
-        self.of_map(&found.map, Some(noise), &found.undetermined, false, false);
+        let rivals: Vec<f64> = found.rivals.iter().map(|(_, cost)| *cost).collect();
+        self.margin(&found.map, variance, rivals);
+        self.of_witness(found, noise);
         Ok(())
+    }
+
+    /// Looks at the map that the bearings led to; where a wall leaves a family of maps, at the member that
+    /// says most, and where there are several maps, at the one that is degenerate.
+    fn of_witness(&mut self, found: Witness<T>, noise: f64) {
+        let member = self.member(&found.map, &found.undetermined, noise, true);
+        let rivals = found.rivals.iter().map(|(map, _)| map);
+        let four = Kind::FourLandmarksOnACircle;
+        let few = self.problem.landmarks() == 4;
+        let rival = rivals
+            .filter(|_| few)
+            .find(|map| self.shows(map, four, noise));
+        let (map, lost) = match (&member, rival) {
+            (Some(map), _) | (None, Some(map)) => (map, &[][..]),
+            (None, None) => (&found.map, &found.undetermined[..]),
+        };
+        self.of_map(map, Some(noise), lost, false, false);
+    }
+
+    /// Another map of the family of a wall that shows it better: with the views on a line, if there is
+    /// one and it is asked for, or the most compact.
+    fn member(
+        &self,
+        map: &Map<T>,
+        lost: &[Undetermined],
+        noise: f64,
+        aligned: bool,
+    ) -> Option<Map<T>> {
+        let family = Family::of(&self.problem, map, lost)?;
+        let lines = |map: &Map<T>| self.shows(map, Kind::LinesOfViewsAndOfLandmarks, noise);
+        let wall = |map: &Map<T>| self.shows(map, Kind::CollinearLandmarks, noise);
+        let first = family.aligned().filter(|map| aligned && lines(map));
+        first.or_else(|| family.compact().filter(wall))
+    }
+
+    /// Whether a map has a shape that leaves directions free.
+    fn shows(&self, map: &Map<T>, kind: Kind, noise: f64) -> bool {
+        Figure::of_map(&self.problem, map)
+            .filter(|figure| figure.parameters() <= MAX_PARAMETERS)
+            .and_then(|figure| examine(&figure, noise))
+            .is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
+    }
+
+    /// The landmarks that a given map has no place for though its views see them, in directions that are
+    /// parallel within the noise.
+    fn infinite(&self, map: &Map<T>, noise: f64) -> Vec<Undetermined> {
+        let bound = 6.0 * noise + T::eps().sqrt().as_f64();
+        let parallel = |landmark: usize| {
+            let rays: Vec<_> = self
+                .problem
+                .of_landmark(landmark)
+                .iter()
+                .filter_map(|&k| {
+                    let s = &self.problem.sightings()[k];
+                    map.poses[s.view].map(|pose| pose.rotation * s.bearing)
+                })
+                .collect();
+            let off = |ray| rays[0].angle_to(ray).as_f64().abs();
+            rays.len() > 1 && rays.iter().all(|ray| off(ray) < bound)
+        };
+        (0..map.landmarks.len())
+            .filter(|&landmark| map.landmarks[landmark].is_none() && parallel(landmark))
+            .map(|landmark| Undetermined {
+                subject: Subject::Landmark(landmark),
+                why: Why::AtInfinity,
+            })
+            .collect()
+    }
+
+    /// Looks at a given map; if it shows nothing, at what its bearings show.
+    fn of_given(&mut self, map: &Map<T>, stated: Option<f64>, hopeless: bool) {
+        let noise = stated.unwrap_or_else(|| self.spread(map).1);
+        let lost = self.infinite(map, noise);
+        let shown = Figure::of_map(&self.problem, map)
+            .filter(|figure| figure.parameters() <= MAX_PARAMETERS)
+            .and_then(|figure| examine(&figure, noise))
+            .is_some_and(|found| !found.causes.is_empty());
+        if !shown && !hopeless {
+            if let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE)) {
+                self.of_figure(&figure, noise, false);
+                return;
+            }
+            if let Some(member) = self.member(map, &lost, noise, false) {
+                self.of_map(&member, Some(noise), &[], false, true);
+                return;
+            }
+        }
+        self.of_map(map, Some(noise), &lost, hopeless, true);
+    }
+
+    /// Root mean square of the residuals of a map, and the standard deviation of the bearings that they
+    /// tell, 0 when there is no freedom to tell it \[rad\].
+    fn spread(&self, map: &Map<T>) -> (f64, f64) {
+        let weight = self.mean_weight();
+        let (mut squares, mut count) = (0.0, 0.0);
+        let seen = self.problem.sightings().iter();
+        for (s, residual) in seen.zip(map.residuals(&self.problem)) {
+            if let Some(r) = residual {
+                let r = r.as_f64() * s.weight.as_f64() / weight;
+                squares += r * r;
+                count += 1.0;
+            }
+        }
+        let views = map.poses.iter().flatten().count();
+        let landmarks = map.landmarks.iter().flatten().count();
+        let freedom = count + 4.0 - (3 * views + 2 * landmarks) as f64;
+        let noise = if freedom > 0.0 {
+            ComplexField::sqrt(squares / freedom)
+        } else {
+            0.0
+        };
+        (ComplexField::sqrt(squares / f64::max(count, 1.0)), noise)
     }
 
     /// The noise that the problem states: standard deviations below 1 rad.
@@ -228,29 +340,8 @@ impl<'a, T: Real> Work<'a, T> {
         given: bool,
     ) {
         self.absent(map, lost);
-        let (mut squares, mut count) = (0.0, 0.0);
-        for (s, residual) in self
-            .problem
-            .sightings()
-            .iter()
-            .zip(map.residuals(&self.problem))
-        {
-            if let Some(r) = residual {
-                let r = r.as_f64() * s.weight.as_f64() / self.mean_weight();
-                squares += r * r;
-                count += 1.0;
-            }
-        }
-        let unknowns =
-            3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
-        let freedom = count + 4.0 - unknowns as f64;
-        let estimated = if freedom > 0.0 {
-            ComplexField::sqrt(squares / freedom)
-        } else {
-            0.0
-        };
+        let (rms, estimated) = self.spread(map);
         let noise = stated.unwrap_or(estimated);
-        let rms = ComplexField::sqrt(squares / f64::max(count, 1.0));
         if rms > PLAUSIBLE_RMS {
             self.push(finding(
                 Kind::PoorFit,
@@ -273,7 +364,8 @@ impl<'a, T: Real> Work<'a, T> {
         if given && self.problem.views() == 3 && !hopeless {
             let rivals = mirror_images(&self.problem, map);
             let weight = self.mean_weight();
-            self.margin_of(squares * weight * weight / f64::max(freedom, 1.0), &rivals);
+            let best = estimated * weight;
+            self.margin_of(best * best, &rivals);
         }
         match Figure::of_map(&self.problem, map) {
             Some(figure) => self.of_figure(&figure, noise, hopeless),
@@ -346,7 +438,7 @@ impl<'a, T: Real> Work<'a, T> {
 
     fn of_figure(&mut self, figure: &Figure, noise: f64, hopeless: bool) {
         self.diagnosis.noise = f64::max(self.diagnosis.noise, noise);
-        let parameters = 3 * figure.views.len() + 2 * figure.landmarks.len();
+        let parameters = figure.parameters();
         if parameters > MAX_PARAMETERS {
             self.not_examined(&format!(
                 "the singular values of {parameters} parameters take too long, {MAX_PARAMETERS} are the most"
@@ -383,7 +475,12 @@ impl<'a, T: Real> Work<'a, T> {
             let explained = found.directions.iter().filter(|d| d.cause == Some(k));
             let deviation = explained.map(|d| d.deviation).fold(0.0, f64::max);
             // Two solutions that merge are still solutions; a family is none.
-            let bounded = cause.kind == Kind::ThreeCollinearViews;
+            let folded = cause.kind == Kind::ThreeCollinearViews;
+            let bounded = folded
+                || matches!(
+                    cause.kind,
+                    Kind::ViewOnCircleOfLandmarks | Kind::LandmarkOnLineOfViews
+                );
             let severity = if deviation > 1.0 || !bounded {
                 Severity::Error
             } else {
@@ -397,7 +494,7 @@ impl<'a, T: Real> Work<'a, T> {
                 landmarks,
                 cause.directions,
             ));
-            self.diagnosis.near_collinear |= bounded;
+            self.diagnosis.near_collinear |= folded;
         }
         // Of the free directions that are left so many are those of the counting.
         let counted = if hopeless {
@@ -440,7 +537,7 @@ impl<'a, T: Real> Work<'a, T> {
                 .iter()
                 .flat_map(|d| d.movers.iter().map(|&(point, _)| outer(point)));
             let (views, landmarks) = apart(points);
-            let worst = weak.iter().map(|d| d.deviation).fold(0.0, f64::max);
+            let worst = weak.iter().map(|d| d.largest).fold(0.0, f64::max);
             findings.push(finding(
                 Kind::WeaklyDetermined,
                 Severity::Warning,
@@ -448,7 +545,7 @@ impl<'a, T: Real> Work<'a, T> {
                 landmarks.clone(),
                 weak.len(),
                 &format!(
-                    "noise of {:.3} degrees leaves {} uncertain by {:.0} % of the size of the map along {}",
+                    "noise of {:.3} degrees leaves {} uncertain by up to {:.0} % of the size of the map along {}",
                     self.diagnosis.noise.to_degrees(),
                     both(&views, &landmarks),
                     100.0 * worst,

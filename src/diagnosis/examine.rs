@@ -20,6 +20,8 @@ pub struct Direction {
     /// Predicted standard deviation of the map along it: root mean square over the points, each in its
     /// units.
     pub deviation: f64,
+    /// The same of the point that moves most.
+    pub largest: f64,
     /// Points and their shares of the squared moves, largest first.
     pub movers: Vec<(usize, f64)>,
     /// The cause that explains it.
@@ -106,6 +108,7 @@ fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Dire
                 index,
                 free: index < free,
                 deviation: if index < free { f64::INFINITY } else { mean },
+                largest: if index < free { f64::INFINITY } else { one },
                 movers: movers(figure, &spectrum.moves(figure, index)),
                 cause: None,
             });
@@ -122,7 +125,7 @@ impl Examination {
             let named: usize = self.causes.iter().map(|cause| cause.directions).sum();
             let free = self.spectrum.free();
             // With exact bearings there is no more to name than what is free.
-            if !self.causes.is_empty() && (named + self.structural >= free && !self.is_open()) {
+            if !self.causes.is_empty() && named + self.structural >= free {
                 return;
             }
             if !configuration.fits(&snapped, &self.spectrum, noise) {

@@ -115,6 +115,11 @@ impl Figure {
         true
     }
 
+    /// Number of parameters.
+    pub fn parameters(&self) -> usize {
+        3 * self.views.len() + 2 * self.landmarks.len()
+    }
+
     /// Number of a landmark among the points.
     pub fn point_of_landmark(&self, landmark: usize) -> usize {
         self.views.len() + landmark
@@ -158,7 +163,8 @@ impl Figure {
     }
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+/// The middle one, 0 of none.
+pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)

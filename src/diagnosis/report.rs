@@ -13,7 +13,7 @@ use core::fmt;
 pub struct NullDirection {
     /// Whether it is free, up to rounding; else it is held weakly.
     pub free: bool,
-    /// Singular value of the Jacobian over its largest column: 0 where free.
+    /// Singular value of the Jacobian over its median column: 0 where free.
     pub singular_value: f64,
     /// Predicted standard deviation of the map along it, as a share of its size; infinite where free.
     pub deviation: f64,
@@ -36,7 +36,7 @@ pub struct Diagnosis {
     pub components: Vec<Part>,
     /// Directions that are free beyond the gauge of each part.
     pub extra: usize,
-    /// The smallest singular values of the Jacobian of the first part that was examined, over its largest
+    /// The smallest singular values of the Jacobian of the first part that was examined, over its median
     /// column, without the gauge: ascending, up to eight. Empty when no map was had.
     pub singular_values: Vec<f64>,
     /// Largest singular value over the smallest that is not zero; NaN when no map was had.

@@ -2,8 +2,7 @@
 //! Lines, circles and single places: how far points are from the nearest one.
 
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Matrix3, SymmetricEigen, Vector2, Vector3};
-use nalgebra::{Matrix2, RealField};
+use nalgebra::{ComplexField, Matrix2, Matrix3, RealField, SymmetricEigen, Vector2, Vector3};
 
 /// What points may share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,13 +19,21 @@ pub enum Shape {
 const FLATTEST: f64 = 20.0;
 
 impl Shape {
+    /// How many of the distances of points the nearest shape takes up.
+    pub fn parameters(self) -> usize {
+        match self {
+            Self::Place | Self::Line => 2,
+            Self::Circle => 3,
+        }
+    }
+
     /// The points moved to the nearest places that share the shape; `None` when there is no such shape.
     pub fn snap(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
         let middle = centroid(points);
         match self {
             Self::Place => Some(points.iter().map(|_| middle).collect()),
             Self::Line => {
-                let normal = normal(points, middle);
+                let normal = across(line(points).1);
                 let snapped = points
                     .iter()
                     .map(|p| p - normal * normal.dot(&(p - middle)));
@@ -52,7 +59,7 @@ impl Shape {
                 Some(each.flat_map(|d| [d.x, d.y]).collect())
             }
             Self::Line => {
-                let normal = normal(points, middle);
+                let normal = across(line(points).1);
                 Some(points.iter().map(|p| normal.dot(&(p - middle))).collect())
             }
             Self::Circle => {
@@ -75,8 +82,9 @@ pub fn extent(points: &[Vector2<f64>]) -> f64 {
     ComplexField::sqrt(squares / points.len().max(1) as f64)
 }
 
-/// Unit normal of the line of least squared distances.
-fn normal(points: &[Vector2<f64>], middle: Vector2<f64>) -> Vector2<f64> {
+/// A point and the direction of the line of least squared distances.
+pub fn line(points: &[Vector2<f64>]) -> (Vector2<f64>, Vector2<f64>) {
+    let middle = centroid(points);
     let mut moments = Matrix2::zeros();
     for p in points {
         let d = p - middle;
@@ -85,7 +93,11 @@ fn normal(points: &[Vector2<f64>], middle: Vector2<f64>) -> Vector2<f64> {
     // The axis at half the angle of the second moments: without cancellation on a perfect line.
     let twice = RealField::atan2(2.0 * moments.m12, moments.m11 - moments.m22);
     let (sin, cos) = ComplexField::sin_cos(0.5 * twice);
-    Vector2::new(-sin, cos)
+    (middle, Vector2::new(cos, sin))
+}
+
+fn across(direction: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-direction.y, direction.x)
 }
 
 /// Centre and radius of the circle nearest to the points: algebraic, then two steps of Gauss-Newton on

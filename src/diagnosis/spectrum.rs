@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How far the bearings hold each direction of a map: the singular values of the Jacobian.
 
-use super::figure::Figure;
+use super::figure::{Figure, median};
 use alloc::vec::Vec;
 use nalgebra::{ComplexField, DMatrix, DVector, Vector2};
 
@@ -15,7 +15,7 @@ pub struct Spectrum {
     pub values: Vec<f64>,
     /// The directions, one column each, orthonormal.
     pub directions: DMatrix<f64>,
-    /// What a singular value is divided by before it is called zero: the largest column of the Jacobian.
+    /// What a singular value is measured by before it is called zero: the median column of the Jacobian.
     pub scale: f64,
     rounding: f64,
 }
@@ -24,8 +24,8 @@ pub struct Spectrum {
 pub const MAX_PARAMETERS: usize = 1500;
 
 /// A sighting over less than this part of the map's size ties two places together and tells little
-/// else; its huge weight would only drown the rest, so its gradient is cut to what it has there.
-const TOUCHING: f64 = 1e-4;
+/// else; its huge weight would only drown the rest, so it is cut to what it has there.
+const TOUCHING: f64 = 1e-3;
 
 /// Steps of the singular value decomposition per parameter; two are usual.
 const STEPS: usize = 60;
@@ -41,8 +41,7 @@ impl Spectrum {
         for (mut column, unit) in jacobian.column_iter_mut().zip(&units) {
             column *= *unit;
         }
-        let columns = jacobian.column_iter().map(|column| column.norm());
-        let scale = columns.fold(0.0, f64::max);
+        let scale = median(jacobian.column_iter().map(|column| column.norm()));
         if !(scale > 0.0 && scale.is_finite()) {
             return None;
         }
@@ -131,12 +130,11 @@ fn rows(figure: &Figure) -> DMatrix<f64> {
         let landmark = figure.point_of_landmark(landmark);
         let offset = figure.points[landmark] - figure.points[view];
         let distance = offset.norm();
-        let mut across = Vector2::new(-offset.y, offset.x);
-        if distance > TOUCHING {
-            across /= distance * distance;
-        } else if distance > 0.0 {
-            across /= distance * TOUCHING;
+        if !(distance > 0.0) {
+            continue;
         }
+        let weight = weight * f64::min(1.0, distance / TOUCHING);
+        let across = Vector2::new(-offset.y, offset.x) / (distance * distance);
         let (p, x) = (place(views, view), place(views, landmark));
         for axis in 0..2 {
             matrix[(row, p + axis)] = -across[axis] * weight;

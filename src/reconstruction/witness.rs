@@ -21,8 +21,8 @@ pub struct Witness<T: Real> {
     /// Degrees of freedom.
     pub freedom: usize,
     pub undetermined: Vec<Undetermined>,
-    /// Costs per degree of freedom of other maps that explain the bearings nearly as well.
-    pub rivals: Vec<f64>,
+    /// Other maps that explain the bearings nearly as well, with their costs per degree of freedom.
+    pub rivals: Vec<(Map<T>, f64)>,
 }
 
 /// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
@@ -44,11 +44,13 @@ pub fn witness<T: Real>(
 ) -> Result<Option<Witness<T>>, Error> {
     match best(problem, &SolveOptions::default(), progress) {
         Ok(found) => {
-            let rivals = found.alternatives.iter();
+            let rivals = found.alternatives.into_iter();
             return Ok(Some(Witness {
                 cost: found.cost.as_f64(),
                 freedom: found.freedom,
-                rivals: rivals.map(|r| variance(r.cost, r.freedom)).collect(),
+                rivals: rivals
+                    .map(|r| (r.map, variance(r.cost, r.freedom)))
+                    .collect(),
                 undetermined: found.undetermined,
                 map: found.map,
             }));
@@ -69,17 +71,23 @@ pub fn witness<T: Real>(
     Ok(least(problem, maps))
 }
 
-/// The refined map of least cost, of those that reach most.
+/// Of the refined maps that reach most and explain the bearings about as well as the best, the most
+/// compact: at the edge of a family landmarks run away.
 fn least<T: Real>(problem: &Problem<T>, maps: impl Iterator<Item = Map<T>>) -> Option<Witness<T>> {
     let options = RefineOptions::default();
     let refined = maps.filter_map(|map| refine(problem, &map, &options, None).ok());
-    let found = refined.min_by(|a, b| {
-        let missing = |r: &super::Reconstruction<T>| r.undetermined.len();
-        let cost = |r: &super::Reconstruction<T>| r.cost.as_f64();
-        missing(a)
-            .cmp(&missing(b))
-            .then(cost(a).total_cmp(&cost(b)))
-    })?;
+    let mut refined: Vec<_> = refined.collect();
+    let fewest = refined.iter().map(|r| r.undetermined.len()).min()?;
+    refined.retain(|r| r.undetermined.len() == fewest);
+    let least = refined
+        .iter()
+        .map(|r| r.rms.as_f64())
+        .fold(f64::INFINITY, f64::min);
+    let bound = AS_GOOD * least + T::eps().sqrt().as_f64();
+    refined.retain(|r| r.rms.as_f64() <= bound);
+    let found = refined
+        .into_iter()
+        .min_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)))?;
     Some(Witness {
         cost: found.cost.as_f64(),
         freedom: found.freedom,
@@ -87,6 +95,17 @@ fn least<T: Real>(problem: &Problem<T>, maps: impl Iterator<Item = Map<T>>) -> O
         map: found.map,
         rivals: Vec::new(),
     })
+}
+
+/// Residuals so many times as large are about as good.
+const AS_GOOD: f64 = 3.0;
+
+/// Distance of the farthest point of a normalised map from the origin: the views are about 1 away.
+fn sprawl<T: Real>(map: &Map<T>) -> f64 {
+    let views = map.poses.iter().flatten().map(|p| p.translation.vector);
+    let landmarks = map.landmarks.iter().flatten().map(|p| p.coords);
+    let distances = views.chain(landmarks).map(|p| p.norm().as_f64());
+    distances.fold(0.0, f64::max)
 }
 
 /// Costs per degree of freedom of the other branch of three views, refined: those of both branches that

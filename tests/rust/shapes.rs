@@ -28,39 +28,141 @@ pub enum Draw {
 }
 
 /// A row of the table: name of the finding, views, landmarks, sizes, extra directions.
-pub type Row = (
-    &'static str,
-    Draw,
-    Draw,
-    &'static [(usize, usize)],
-    usize,
-);
+pub type Row = (&'static str, Draw, Draw, &'static [(usize, usize)], usize);
 
 /// The rows that leave directions free.
 pub const DEGENERATE: [Row; 11] = [
-    ("two_views", Draw::Anywhere, Draw::Anywhere, &[(2, 5), (2, 12)], 2),
+    (
+        "two_views",
+        Draw::Anywhere,
+        Draw::Anywhere,
+        &[(2, 5), (2, 12)],
+        2,
+    ),
     ("counting", Draw::Anywhere, Draw::Anywhere, &[(3, 4)], 1),
-    ("too_few_landmarks", Draw::Anywhere, Draw::Anywhere, &[(4, 3), (6, 3)], 2),
-    ("three_collinear_views", Draw::Line, Draw::Anywhere, &[(3, 5), (3, 12)], 1),
-    ("coincident_views", Draw::TwoCoincide, Draw::Anywhere, &[(3, 8)], 2),
-    ("four_landmarks_on_a_circle", Draw::Anywhere, Draw::Square, &[(4, 4), (7, 4)], 1),
-    ("collinear_landmarks", Draw::Anywhere, Draw::Line, &[(5, 8), (10, 15), (3, 9)], 1),
-    ("lines_of_views_and_of_landmarks", Draw::OtherLine, Draw::Line, &[(5, 8)], 2),
-    ("everything_on_one_line", Draw::Line, Draw::Line, &[(4, 6)], 8),
-    ("views_and_landmarks_on_one_circle", Draw::Circle, Draw::CircleBetween, &[(5, 8)], 5),
-    ("three_views_and_landmarks_on_one_circle", Draw::Circle, Draw::CircleBetween, &[(3, 8)], 3),
+    (
+        "too_few_landmarks",
+        Draw::Anywhere,
+        Draw::Anywhere,
+        &[(4, 3), (6, 3)],
+        2,
+    ),
+    (
+        "three_collinear_views",
+        Draw::Line,
+        Draw::Anywhere,
+        &[(3, 5), (3, 12)],
+        1,
+    ),
+    (
+        "coincident_views",
+        Draw::TwoCoincide,
+        Draw::Anywhere,
+        &[(3, 8)],
+        2,
+    ),
+    (
+        "four_landmarks_on_a_circle",
+        Draw::Anywhere,
+        Draw::Square,
+        &[(4, 4), (7, 4)],
+        1,
+    ),
+    (
+        "collinear_landmarks",
+        Draw::Anywhere,
+        Draw::Line,
+        &[(5, 8), (10, 15), (3, 9)],
+        1,
+    ),
+    (
+        "lines_of_views_and_of_landmarks",
+        Draw::OtherLine,
+        Draw::Line,
+        &[(5, 8)],
+        2,
+    ),
+    (
+        "everything_on_one_line",
+        Draw::Line,
+        Draw::Line,
+        &[(4, 6)],
+        8,
+    ),
+    (
+        "views_and_landmarks_on_one_circle",
+        Draw::Circle,
+        Draw::CircleBetween,
+        &[(5, 8)],
+        5,
+    ),
+    (
+        "three_views_and_landmarks_on_one_circle",
+        Draw::Circle,
+        Draw::CircleBetween,
+        &[(3, 8)],
+        3,
+    ),
 ];
 
 /// The rows that leave none, though they look like the others.
 pub const HARMLESS: [Row; 8] = [
-    ("generic", Draw::Anywhere, Draw::Anywhere, &[(4, 4), (3, 10), (5, 8)], 0),
-    ("collinear views", Draw::Line, Draw::Anywhere, &[(4, 8), (8, 8), (10, 8)], 0),
-    ("three collinear views and one off", Draw::LineButOne, Draw::Anywhere, &[(4, 8)], 0),
-    ("two coincident views of four", Draw::TwoCoincide, Draw::Anywhere, &[(4, 8)], 0),
-    ("four landmarks not on a circle", Draw::Anywhere, Draw::Trapezoid, &[(4, 4), (7, 4)], 0),
-    ("a wall and one landmark off it", Draw::Anywhere, Draw::LineButOne, &[(5, 8), (10, 15)], 0),
-    ("views on a circle", Draw::Circle, Draw::Anywhere, &[(5, 8)], 0),
-    ("landmarks on a circle", Draw::Anywhere, Draw::Circle, &[(5, 8)], 0),
+    (
+        "generic",
+        Draw::Anywhere,
+        Draw::Anywhere,
+        &[(4, 4), (3, 10), (5, 8)],
+        0,
+    ),
+    (
+        "collinear views",
+        Draw::Line,
+        Draw::Anywhere,
+        &[(4, 8), (8, 8), (10, 8)],
+        0,
+    ),
+    (
+        "three collinear views and one off",
+        Draw::LineButOne,
+        Draw::Anywhere,
+        &[(4, 8)],
+        0,
+    ),
+    (
+        "two coincident views of four",
+        Draw::TwoCoincide,
+        Draw::Anywhere,
+        &[(4, 8)],
+        0,
+    ),
+    (
+        "four landmarks not on a circle",
+        Draw::Anywhere,
+        Draw::Trapezoid,
+        &[(4, 4), (7, 4)],
+        0,
+    ),
+    (
+        "a wall and one landmark off it",
+        Draw::Anywhere,
+        Draw::LineButOne,
+        &[(5, 8), (10, 15)],
+        0,
+    ),
+    (
+        "views on a circle",
+        Draw::Circle,
+        Draw::Anywhere,
+        &[(5, 8)],
+        0,
+    ),
+    (
+        "landmarks on a circle",
+        Draw::Anywhere,
+        Draw::Circle,
+        &[(5, 8)],
+        0,
+    ),
 ];
 
 /// A drawn scene.
@@ -73,7 +175,13 @@ pub struct Drawn {
 
 impl Drawn {
     /// Points of the two kinds, no landmark closer to a view than 0.15, with noise \[rad\].
-    pub fn new(views: Draw, landmarks: Draw, (m, n): (usize, usize), noise: f64, seed: u64) -> Self {
+    pub fn new(
+        views: Draw,
+        landmarks: Draw,
+        (m, n): (usize, usize),
+        noise: f64,
+        seed: u64,
+    ) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         loop {
             let places = draw(views, m, &mut random);
@@ -131,9 +239,8 @@ impl Drawn {
 }
 
 fn draw(kind: Draw, count: usize, random: &mut ChaCha8Rng) -> Vec<Vector2<f64>> {
-    let between = |low: f64, high: f64, random: &mut ChaCha8Rng| {
-        low + (high - low) * random.random::<f64>()
-    };
+    let between =
+        |low: f64, high: f64, random: &mut ChaCha8Rng| low + (high - low) * random.random::<f64>();
     let anywhere = |random: &mut ChaCha8Rng| {
         Vector2::new(between(-3.0, 3.0, random), between(-2.5, 2.5, random))
     };
