@@ -3,7 +3,7 @@
 
 use super::figure::Figure;
 use super::finding::Kind;
-use super::shape::Shape;
+use super::shape::{Shape, extent};
 use super::spectrum::Spectrum;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -106,22 +106,11 @@ impl Configuration {
     /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
     /// have made of it, but for the directions that are free anyway.
     pub fn fits(&self, figure: &Figure, spectrum: &Spectrum, noise: f64) -> bool {
-        let units = figure.units();
         let exact = ROOTS * ComplexField::sqrt(figure.rounding);
         let Some(off) = self.distances(&figure.points) else {
             return false;
         };
-        let unit: Vec<f64> = self
-            .shapes
-            .iter()
-            .flat_map(|(shape, points)| {
-                let each = if *shape == Shape::Place { 2 } else { 1 };
-                let units = &units;
-                points
-                    .iter()
-                    .flat_map(move |&p| core::iter::repeat_n(units[p], each))
-            })
-            .collect();
+        let unit = self.measures(figure);
         if off
             .iter()
             .zip(&unit)
@@ -169,6 +158,23 @@ impl Configuration {
         // The offset from the fold grows with the root of the noise, which doubles it in this measure.
         let folded = self.kind == Kind::ThreeCollinearViews;
         distance <= expected + if folded { 2.0 * SURE } else { SURE }
+    }
+
+    /// What each distance is measured by: the unit of its point, or the extent of the shape where that is
+    /// less, for points in one place are on any line.
+    fn measures(&self, figure: &Figure) -> Vec<f64> {
+        let units = figure.units();
+        let mut all = Vec::new();
+        for (shape, members) in &self.shapes {
+            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
+            let (each, most) = match shape {
+                Shape::Place => (2, f64::INFINITY),
+                Shape::Line | Shape::Circle => (1, extent(&own)),
+            };
+            let measure = |&p: &usize| core::iter::repeat_n(f64::min(units[p], most), each);
+            all.extend(members.iter().flat_map(measure));
+        }
+        all
     }
 
     /// Distances of the points from their shapes.

@@ -188,17 +188,17 @@ impl<'a, T: Real> Work<'a, T> {
             self.not_examined("no map could be made from the bearings");
             return Ok(());
         };
-        let variance = 2.0 * found.cost / found.freedom.max(1) as f64;
-        let estimated = ComplexField::sqrt(variance) / self.mean_weight();
+        let estimated = ComplexField::sqrt(found.variance) / self.mean_weight();
         let noise = stated.unwrap_or(if found.freedom > 0 { estimated } else { 0.0 });
         if stated.is_none()
             && let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE))
         {
-            self.of_figure(&figure, noise, false);
+            self.of_figure(&figure, f64::min(noise, APPARENT_NOISE), false);
             return Ok(());
         }
-        let rivals: Vec<f64> = found.rivals.iter().map(|(_, cost)| *cost).collect();
-        self.margin(&found.map, variance, rivals);
+        let mut rivals = mirror_images(&self.problem, &found.map);
+        rivals.push(found.rival);
+        self.margin_of(found.variance, &rivals);
         self.of_witness(found, noise);
         Ok(())
     }
@@ -206,18 +206,20 @@ impl<'a, T: Real> Work<'a, T> {
     /// Looks at the map that the bearings led to; where a wall leaves a family of maps, at the member that
     /// says most, and where there are several maps, at the one that is degenerate.
     fn of_witness(&mut self, found: Witness<T>, noise: f64) {
-        let member = self.member(&found.map, &found.undetermined, noise, true);
-        let rivals = found.rivals.iter().map(|(map, _)| map);
-        let four = Kind::FourLandmarksOnACircle;
+        let others = found.others.iter().map(|map| (map, &[][..]));
+        let first = (&found.map, &found.undetermined[..]);
+        for (map, lost) in core::iter::once(first).chain(others) {
+            if let Some(member) = self.member(map, lost, noise, true) {
+                self.of_map(&member, Some(noise), &[], false, false);
+                return;
+            }
+        }
         let few = self.problem.landmarks() == 4;
-        let rival = rivals
-            .filter(|_| few)
-            .find(|map| self.shows(map, four, noise));
-        let (map, lost) = match (&member, rival) {
-            (Some(map), _) | (None, Some(map)) => (map, &[][..]),
-            (None, None) => (&found.map, &found.undetermined[..]),
-        };
-        self.of_map(map, Some(noise), lost, false, false);
+        let four = |map: &&Map<T>| self.shows(map, Kind::FourLandmarksOnACircle, noise);
+        match found.others.iter().filter(|_| few).find(four) {
+            Some(map) => self.of_map(map, Some(noise), &[], false, false),
+            None => self.of_map(first.0, Some(noise), first.1, false, false),
+        }
     }
 
     /// Another map of the family of a wall that shows it better: with the views on a line, if there is
@@ -280,7 +282,7 @@ impl<'a, T: Real> Work<'a, T> {
             .is_some_and(|found| !found.causes.is_empty());
         if !shown && !hopeless {
             if let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE)) {
-                self.of_figure(&figure, noise, false);
+                self.of_figure(&figure, f64::min(noise, APPARENT_NOISE), false);
                 return;
             }
             if let Some(member) = self.member(map, &lost, noise, false) {
@@ -370,13 +372,6 @@ impl<'a, T: Real> Work<'a, T> {
         match Figure::of_map(&self.problem, map) {
             Some(figure) => self.of_figure(&figure, noise, hopeless),
             None => self.not_examined("the map has no size"),
-        }
-    }
-
-    fn margin(&mut self, map: &Map<T>, best: f64, mut rivals: Vec<f64>) {
-        rivals.extend(mirror_images(&self.problem, map));
-        if self.problem.views() == 3 || !rivals.is_empty() {
-            self.margin_of(best, &rivals);
         }
     }
 

@@ -18,6 +18,9 @@ const NEARLY: f64 = 0.1;
 const MEMBERS: u32 = 64;
 const STEPS: usize = 40;
 
+/// Views turn from one to the next by at most this angle \[rad\] if they are to be on a line.
+const STRAIGHT: f64 = 0.2;
+
 /// A wall and what stands before it, the wall as the real axis and its extent as the unit.
 pub struct Family {
     middle: Vector2<f64>,
@@ -146,15 +149,24 @@ impl Family {
         Some(self.map(c))
     }
 
-    /// The member whose views are nearest to one line, and not all in one place.
+    /// The member whose views are nearest to one line; `None` when they are near none.
+    ///
+    /// Measured by how far three views turn at the middle one. Distances from a line would not do: near
+    /// the ends of the family all views but one move together, and two places are always on a line.
     pub fn aligned<T: Real>(&self) -> Option<Map<T>> {
-        let c = self.least(|c| {
+        let turn = |c: f64| {
             let (views, _) = self.member(c);
-            let off = Shape::Line.distances(&views).unwrap_or_default();
-            let squares: f64 = off.iter().map(|d| d * d).sum();
-            squares / (extent(&views) * extent(&views))
-        })?;
-        Some(self.map(c))
+            let m = views.len();
+            let triples =
+                (0..m).flat_map(|i| [1, m / 3].map(|step| [i, (i + step) % m, (i + 2 * step) % m]));
+            let squares = triples.map(|[i, j, k]| {
+                let turn = straightness(views[i], views[j], views[k]);
+                turn * turn
+            });
+            ComplexField::sqrt(squares.sum::<f64>() / (2 * m) as f64)
+        };
+        let c = self.least(turn)?;
+        (turn(c) < STRAIGHT).then(|| self.map(c))
     }
 
     fn map<T: Real>(&self, c: f64) -> Map<T> {
@@ -180,6 +192,15 @@ impl Family {
             landmarks: landmarks.collect(),
         }
     }
+}
+
+/// By how much the way along three points turns at the middle one \[rad\].
+fn straightness(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
+    let turn = |from: Vector2<f64>, at: Vector2<f64>, to: Vector2<f64>| {
+        let (first, second) = (at - from, to - at);
+        nalgebra::RealField::atan2(first.perp(&second), first.dot(&second)).abs()
+    };
+    turn(a, b, c).min(turn(b, c, a)).min(turn(c, a, b))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use super::circle::{Circle, along_circle};
 use super::expand::grow;
 use super::minima::same;
 use super::options::{Progress, SolveOptions};
+use super::result::Reconstruction;
 use super::solve::{best, refine};
 use super::triples::{common_bearings, draw};
 use crate::error::Error;
@@ -16,20 +17,22 @@ use alloc::vec::Vec;
 /// A map and how it explains the bearings.
 pub struct Witness<T: Real> {
     pub map: Map<T>,
-    /// Half the sum of squared residuals over sigma.
-    pub cost: f64,
+    /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
+    pub variance: f64,
     /// Degrees of freedom.
     pub freedom: usize,
     pub undetermined: Vec<Undetermined>,
-    /// Other maps that explain the bearings nearly as well, with their costs per degree of freedom.
-    pub rivals: Vec<(Map<T>, f64)>,
+    /// Other maps that explain the bearings about as well.
+    pub others: Vec<Map<T>>,
+    /// The least variance of the rivals that the search has found.
+    pub rival: f64,
 }
 
 /// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
 /// maps that are refined: of a degenerate problem any place will do.
 const TRIPLES: usize = 3;
 const PLACES: usize = 24;
-const REFINED: usize = 6;
+const REFINED: usize = 8;
 
 /// The map of [`solve`](super::solve), whether it is determined or not; where there is none, a map from
 /// the null space of the tensor of three views.
@@ -42,22 +45,44 @@ pub fn witness<T: Real>(
     problem: &Problem<T>,
     progress: Option<Progress<'_>>,
 ) -> Result<Option<Witness<T>>, Error> {
-    match best(problem, &SolveOptions::default(), progress) {
-        Ok(found) => {
-            let rivals = found.alternatives.into_iter();
-            return Ok(Some(Witness {
-                cost: found.cost.as_f64(),
-                freedom: found.freedom,
-                rivals: rivals
-                    .map(|r| (r.map, variance(r.cost, r.freedom)))
-                    .collect(),
-                undetermined: found.undetermined,
-                map: found.map,
+    let found = match best(problem, &SolveOptions::default(), progress) {
+        Ok(found) => found,
+        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
+        Err(_) => {
+            let mut found = explaining(problem).into_iter();
+            return Ok(found.next().map(|first| Witness {
+                variance: variance(first.cost, first.freedom),
+                freedom: first.freedom,
+                undetermined: first.undetermined,
+                map: first.map,
+                others: found.map(|other| other.map).collect(),
+                rival: f64::INFINITY,
             }));
         }
-        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
-        Err(_) => {}
+    };
+    let rivals = found.alternatives.iter();
+    let rival = rivals
+        .map(|rival| variance(rival.cost, rival.freedom))
+        .fold(f64::INFINITY, f64::min);
+    let mut others: Vec<Map<T>> = found.alternatives.into_iter().map(|r| r.map).collect();
+    // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
+    if problem.landmarks() == 4 {
+        others.extend(explaining(problem).into_iter().map(|other| other.map));
     }
+    Ok(Some(Witness {
+        variance: variance(found.cost, found.freedom),
+        freedom: found.freedom,
+        undetermined: found.undetermined,
+        map: found.map,
+        others,
+        rival,
+    }))
+}
+
+/// Refined maps along the circles of tensors of some views, those that reach most and explain the
+/// bearings about as well as the best of them; the most compact first, for at the edge of a family
+/// landmarks run away.
+fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
     let circle = Circle {
         places: PLACES,
         width: 1.0,
@@ -67,34 +92,18 @@ pub fn witness<T: Real>(
         scored.extend(along_circle(problem, views, circle));
     }
     scored.sort_by(|a, b| a.0.as_f64().total_cmp(&b.0.as_f64()));
-    let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
-    Ok(least(problem, maps))
-}
-
-/// Of the refined maps that reach most and explain the bearings about as well as the best, the most
-/// compact: at the edge of a family landmarks run away.
-fn least<T: Real>(problem: &Problem<T>, maps: impl Iterator<Item = Map<T>>) -> Option<Witness<T>> {
     let options = RefineOptions::default();
-    let refined = maps.filter_map(|map| refine(problem, &map, &options, None).ok());
-    let mut refined: Vec<_> = refined.collect();
-    let fewest = refined.iter().map(|r| r.undetermined.len()).min()?;
-    refined.retain(|r| r.undetermined.len() == fewest);
-    let least = refined
-        .iter()
-        .map(|r| r.rms.as_f64())
-        .fold(f64::INFINITY, f64::min);
-    let bound = AS_GOOD * least + T::eps().sqrt().as_f64();
-    refined.retain(|r| r.rms.as_f64() <= bound);
-    let found = refined
-        .into_iter()
-        .min_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)))?;
-    Some(Witness {
-        cost: found.cost.as_f64(),
-        freedom: found.freedom,
-        undetermined: found.undetermined,
-        map: found.map,
-        rivals: Vec::new(),
-    })
+    let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
+    let mut found: Vec<_> = maps
+        .filter_map(|map| refine(problem, &map, &options, None).ok())
+        .collect();
+    let fewest = found.iter().map(|r| r.undetermined.len()).min();
+    found.retain(|r| Some(r.undetermined.len()) == fewest);
+    let rms = found.iter().map(|r| r.rms.as_f64());
+    let bound = AS_GOOD * rms.fold(f64::INFINITY, f64::min) + T::eps().sqrt().as_f64();
+    found.retain(|r| r.rms.as_f64() <= bound);
+    found.sort_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)));
+    found
 }
 
 /// Residuals so many times as large are about as good.
