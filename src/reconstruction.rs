@@ -17,4 +17,4 @@ mod witness;
 pub use options::{Progress, Search, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};
-pub(crate) use witness::{Witness, mirror_images, seed, witness};
+pub(crate) use witness::{Witness, explaining, mirror_images, seed, witness};

@@ -13,8 +13,8 @@ use super::spectrum::MAX_PARAMETERS;
 use super::structure::{Core, Part, tied};
 use super::words::both;
 use crate::error::Error;
-use crate::estimation::{Map, Problem, Subject, Undetermined, Why};
-use crate::reconstruction::{Progress, Witness, mirror_images, seed, witness};
+use crate::estimation::{Map, Problem, RefineOptions, Subject, Undetermined, Why, refine_map};
+use crate::reconstruction::{Progress, Witness, explaining, mirror_images, seed, witness};
 use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
@@ -123,6 +123,13 @@ const PLAUSIBLE_RMS: f64 = 0.1;
 /// may have from a wrong minimum: half a degree.
 const APPARENT_NOISE: f64 = 0.01;
 
+/// A map explains the bearings as well as another when its residuals are at most so many times as large.
+const AS_GOOD: f64 = 3.0;
+
+/// Steps that a member of a family gets, and their first damping.
+const SETTLING: usize = 4;
+const SETTLING_DAMPING: f64 = 1e-2;
+
 /// Residuals of a second map that are less than this many times those of the best leave a doubt.
 const CLEAR_MARGIN: f64 = 3.0;
 
@@ -199,51 +206,74 @@ impl<'a, T: Real> Work<'a, T> {
         let mut rivals = mirror_images(&self.problem, &found.map);
         rivals.push(found.rival);
         self.margin_of(found.variance, &rivals);
-        self.of_witness(found, noise);
+        self.of_witness(&found, noise);
         Ok(())
     }
 
-    /// Looks at the map that the bearings led to; where a wall leaves a family of maps, at the member that
-    /// says most, and where there are several maps, at the one that is degenerate.
-    fn of_witness(&mut self, found: Witness<T>, noise: f64) {
-        let others = found.others.iter().map(|map| (map, &[][..]));
-        let first = (&found.map, &found.undetermined[..]);
-        for (map, lost) in core::iter::once(first).chain(others) {
-            if let Some(member) = self.member(map, lost, noise, true) {
-                self.of_map(&member, Some(noise), &[], false, false);
-                return;
-            }
+    /// Looks at the map that the bearings led to. Where something is free in it that has no name, the
+    /// bearings allow other maps: at the one among them whose shape is known.
+    fn of_witness(&mut self, found: &Witness<T>, noise: f64) {
+        let own = self.examined(&found.map, noise);
+        let doubt = own.is_none_or(|own| own.directions.iter().any(|d| d.largest > 1.0));
+        let mut others = found.others.clone();
+        if doubt || !found.undetermined.is_empty() {
+            others.extend(explaining(&self.problem).into_iter().map(|other| other.map));
         }
-        let few = self.problem.landmarks() == 4;
-        let four = |map: &&Map<T>| self.shows(map, Kind::FourLandmarksOnACircle, noise);
-        match found.others.iter().filter(|_| few).find(four) {
-            Some(map) => self.of_map(map, Some(noise), &[], false, false),
-            None => self.of_map(first.0, Some(noise), first.1, false, false),
+        let none = Vec::new();
+        let first = core::iter::once((&found.map, &found.undetermined));
+        let maps: Vec<_> = first.chain(others.iter().map(|map| (map, &none))).collect();
+        let members = || {
+            maps.iter()
+                .filter_map(|(map, lost)| Family::of(&self.problem, map, lost))
+        };
+        let aligned = members().find_map(|family| {
+            let map = self.settled(family.aligned()?, &found.map, noise)?;
+            self.shows(&map, Kind::LinesOfViewsAndOfLandmarks, noise)
+                .then_some(map)
+        });
+        let compact = || {
+            members().find_map(|family| {
+                let map = self.settled(family.compact()?, &found.map, noise)?;
+                self.shows(&map, Kind::CollinearLandmarks, noise)
+                    .then_some(map)
+            })
+        };
+        let four = || {
+            let few = self.problem.landmarks() == 4;
+            let shown = |map: &&Map<T>| self.shows(map, Kind::FourLandmarksOnACircle, noise);
+            others.iter().filter(|_| few).find(shown).cloned()
+        };
+        match aligned.or_else(compact).or_else(four) {
+            Some(map) => self.of_map(&map, Some(noise), &none, false, false),
+            None => self.of_map(&found.map, Some(noise), &found.undetermined, false, false),
         }
     }
 
-    /// Another map of the family of a wall that shows it better: with the views on a line, if there is
-    /// one and it is asked for, or the most compact.
-    fn member(
-        &self,
-        map: &Map<T>,
-        lost: &[Undetermined],
-        noise: f64,
-        aligned: bool,
-    ) -> Option<Map<T>> {
-        let family = Family::of(&self.problem, map, lost)?;
-        let lines = |map: &Map<T>| self.shows(map, Kind::LinesOfViewsAndOfLandmarks, noise);
-        let wall = |map: &Map<T>| self.shows(map, Kind::CollinearLandmarks, noise);
-        let first = family.aligned().filter(|map| aligned && lines(map));
-        first.or_else(|| family.compact().filter(wall))
+    /// A member of a family after a few steps of refinement, strongly damped so that it stays where it is
+    /// in the family; `None` when it does not explain the bearings as a known map does.
+    fn settled(&self, member: Map<T>, known: &Map<T>, noise: f64) -> Option<Map<T>> {
+        let options = RefineOptions {
+            max_iterations: SETTLING,
+            damping: T::lit(SETTLING_DAMPING),
+            ..RefineOptions::default()
+        };
+        let mut map = member;
+        refine_map(&self.problem, &mut map, &options, None).ok()?;
+        let bound = AS_GOOD * f64::max(self.spread(known).0, noise);
+        (self.spread(&map).0 <= bound + T::eps().sqrt().as_f64()).then_some(map)
+    }
+
+    /// What a map tells.
+    fn examined(&self, map: &Map<T>, noise: f64) -> Option<Examination> {
+        Figure::of_map(&self.problem, map)
+            .filter(|figure| figure.parameters() <= MAX_PARAMETERS)
+            .and_then(|figure| examine(&figure, noise))
     }
 
     /// Whether a map has a shape that leaves directions free.
     fn shows(&self, map: &Map<T>, kind: Kind, noise: f64) -> bool {
-        Figure::of_map(&self.problem, map)
-            .filter(|figure| figure.parameters() <= MAX_PARAMETERS)
-            .and_then(|figure| examine(&figure, noise))
-            .is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
+        let found = self.examined(map, noise);
+        found.is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
     }
 
     /// The landmarks that a given map has no place for though its views see them, in directions that are
@@ -276,16 +306,20 @@ impl<'a, T: Real> Work<'a, T> {
     fn of_given(&mut self, map: &Map<T>, stated: Option<f64>, hopeless: bool) {
         let noise = stated.unwrap_or_else(|| self.spread(map).1);
         let lost = self.infinite(map, noise);
-        let shown = Figure::of_map(&self.problem, map)
-            .filter(|figure| figure.parameters() <= MAX_PARAMETERS)
-            .and_then(|figure| examine(&figure, noise))
-            .is_some_and(|found| !found.causes.is_empty());
-        if !shown && !hopeless {
-            if let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE)) {
-                self.of_figure(&figure, f64::min(noise, APPARENT_NOISE), false);
+        let own = self.examined(map, noise);
+        if own.is_some_and(|own| own.causes.is_empty()) && !hopeless {
+            let apparent_noise = f64::min(noise, APPARENT_NOISE);
+            if let Some(figure) = apparent(&self.problem, apparent_noise) {
+                self.of_figure(&figure, apparent_noise, false);
                 return;
             }
-            if let Some(member) = self.member(map, &lost, noise, false) {
+            let family = Family::of(&self.problem, map, &lost);
+            let compact = family
+                .and_then(|family| family.compact())
+                .and_then(|member| self.settled(member, map, noise));
+            if let Some(member) = compact
+                && self.shows(&member, Kind::CollinearLandmarks, noise)
+            {
                 self.of_map(&member, Some(noise), &[], false, true);
                 return;
             }

@@ -14,8 +14,10 @@ use nalgebra::{Complex, ComplexField, Point2, Vector2};
 /// Landmarks off their line by at most this part of their extent are looked at as a wall.
 const NEARLY: f64 = 0.1;
 
-/// Members that are tried, evenly over the interval of c, and steps that narrow the best down.
+/// Members that are tried, and steps that narrow the best down.
 const MEMBERS: u32 = 64;
+/// How near to the ends of the interval of c they come: this power of e, a few thousandths.
+const NEAREST: f64 = 6.0;
 const STEPS: usize = 40;
 
 /// Views turn from one to the next by at most this angle \[rad\] if they are to be on a line.
@@ -118,19 +120,21 @@ impl Family {
         if !(low.is_finite() && high.is_finite() && low < high) {
             return None;
         }
-        let step = (high - low) / f64::from(MEMBERS);
-        let all = (0..MEMBERS).map(|k| low + step * (f64::from(k) + 0.5));
-        let best = all.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
-        let (mut a, mut b) = (f64::max(low, best - step), f64::min(high, best + step));
+        // Evenly in the logarithm of the distance from either end: there are members at all scales.
+        let at = |t: f64| low + (high - low) / (1.0 + ComplexField::exp(-t));
+        let step = 2.0 * NEAREST / f64::from(MEMBERS);
+        let all = (0..=MEMBERS).map(|k| step * f64::from(k) - NEAREST);
+        let best = all.min_by(|a, b| cost(at(*a)).total_cmp(&cost(at(*b))))?;
+        let (mut a, mut b) = (best - step, best + step);
         for _ in 0..STEPS {
             let third = (b - a) * 0.381_966_011_250_105_1;
-            if cost(a + third) < cost(b - third) {
+            if cost(at(a + third)) < cost(at(b - third)) {
                 b -= third;
             } else {
                 a += third;
             }
         }
-        Some(0.5 * (a + b))
+        Some(at(0.5 * (a + b)))
     }
 
     /// The most compact member: the least distance of the farthest point over the mean.

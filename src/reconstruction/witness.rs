@@ -32,7 +32,7 @@ pub struct Witness<T: Real> {
 /// maps that are refined: of a degenerate problem any place will do.
 const TRIPLES: usize = 3;
 const PLACES: usize = 24;
-const REFINED: usize = 8;
+const REFINED: usize = 12;
 
 /// The map of [`solve`](super::solve), whether it is determined or not; where there is none, a map from
 /// the null space of the tensor of three views.
@@ -82,7 +82,7 @@ pub fn witness<T: Real>(
 /// Refined maps along the circles of tensors of some views, those that reach most and explain the
 /// bearings about as well as the best of them; the most compact first, for at the edge of a family
 /// landmarks run away.
-fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
+pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
     let circle = Circle {
         places: PLACES,
         width: 1.0,
