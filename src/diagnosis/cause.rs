@@ -155,8 +155,12 @@ impl Configuration {
             .map(|(shape, _)| shape.parameters())
             .sum();
         let expected = ComplexField::sqrt(count.saturating_sub(taken) as f64);
-        // The offset from the fold grows with the root of the noise, which doubles it in this measure.
-        let folded = self.kind == Kind::ThreeCollinearViews;
+        // Where two solutions merge the offset grows with the root of the noise, which doubles it in this
+        // measure.
+        let folded = matches!(
+            self.kind,
+            Kind::ThreeCollinearViews | Kind::FourLandmarksOnACircle
+        );
         distance <= expected + if folded { 2.0 * SURE } else { SURE }
     }
 

@@ -141,8 +141,12 @@ pub fn configuration(
         ),
         Kind::UnnamedDirection => (
             format!(
-                "{} of the map free, which moves mostly {}; no shape of the map explains it",
-                if directions == 1 { "one direction is" } else { "directions are" },
+                "{} no shape of the map explains it; mostly {} move",
+                if directions == 1 {
+                    "one direction of the map is free and".into()
+                } else {
+                    format!("{directions} directions of the map are free and")
+                },
                 both(&views, &landmarks)
             ),
             format!(

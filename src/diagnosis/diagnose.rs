@@ -195,8 +195,7 @@ impl<'a, T: Real> Work<'a, T> {
             self.not_examined("no map could be made from the bearings");
             return Ok(());
         };
-        let estimated = ComplexField::sqrt(found.variance) / self.mean_weight();
-        let noise = stated.unwrap_or(if found.freedom > 0 { estimated } else { 0.0 });
+        let noise = stated.unwrap_or_else(|| self.spread(&found.map).1);
         if stated.is_none()
             && let Some(figure) = apparent(&self.problem, f64::min(noise, APPARENT_NOISE))
         {
@@ -328,7 +327,7 @@ impl<'a, T: Real> Work<'a, T> {
     }
 
     /// Root mean square of the residuals of a map, and the standard deviation of the bearings that they
-    /// tell, 0 when there is no freedom to tell it \[rad\].
+    /// tell \[rad\]; without freedom to tell it, that they are at least as large as what is left.
     fn spread(&self, map: &Map<T>) -> (f64, f64) {
         let weight = self.mean_weight();
         let (mut squares, mut count) = (0.0, 0.0);
@@ -343,12 +342,13 @@ impl<'a, T: Real> Work<'a, T> {
         let views = map.poses.iter().flatten().count();
         let landmarks = map.landmarks.iter().flatten().count();
         let freedom = count + 4.0 - (3 * views + 2 * landmarks) as f64;
+        let rms = ComplexField::sqrt(squares / f64::max(count, 1.0));
         let noise = if freedom > 0.0 {
             ComplexField::sqrt(squares / freedom)
         } else {
-            0.0
+            rms
         };
-        (ComplexField::sqrt(squares / f64::max(count, 1.0)), noise)
+        (rms, noise)
     }
 
     /// The noise that the problem states: standard deviations below 1 rad.
@@ -537,17 +537,17 @@ impl<'a, T: Real> Work<'a, T> {
             .filter(|d| d.free && d.cause.is_none());
         let rest: Vec<_> = open.skip(counted).collect();
         if !rest.is_empty() {
-            let points = rest
-                .iter()
-                .flat_map(|d| d.movers.iter().map(|&(point, _)| outer(point)));
-            let (views, landmarks) = apart(points);
+            let points = rest.iter().flat_map(|d| d.movers.iter());
+            let mut concerned = apart(points.map(|&(point, _)| outer(point)));
             let kind = if found.structural > counted {
                 Kind::LoosePart
             } else if figure.views.len() == 3 {
+                concerned = apart((0..figure.points.len()).map(outer));
                 Kind::LandmarksOnACubic
             } else {
                 Kind::UnnamedDirection
             };
+            let (views, landmarks) = concerned;
             findings.push(configuration(
                 kind,
                 Severity::Error,

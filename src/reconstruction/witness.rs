@@ -19,14 +19,15 @@ pub struct Witness<T: Real> {
     pub map: Map<T>,
     /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
     pub variance: f64,
-    /// Degrees of freedom.
-    pub freedom: usize,
     pub undetermined: Vec<Undetermined>,
     /// Other maps that explain the bearings about as well.
     pub others: Vec<Map<T>>,
     /// The least variance of the rivals that the search has found.
     pub rival: f64,
 }
+
+/// Fewest landmarks that three views must share: with them the null space of the tensor is a circle.
+const MIN_SHARED: usize = 4;
 
 /// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
 /// maps that are refined: of a degenerate problem any place will do.
@@ -52,7 +53,6 @@ pub fn witness<T: Real>(
             let mut found = explaining(problem).into_iter();
             return Ok(found.next().map(|first| Witness {
                 variance: variance(first.cost, first.freedom),
-                freedom: first.freedom,
                 undetermined: first.undetermined,
                 map: first.map,
                 others: found.map(|other| other.map).collect(),
@@ -66,12 +66,11 @@ pub fn witness<T: Real>(
         .fold(f64::INFINITY, f64::min);
     let mut others: Vec<Map<T>> = found.alternatives.into_iter().map(|r| r.map).collect();
     // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
-    if problem.landmarks() == 4 {
+    if problem.landmarks() == MIN_SHARED {
         others.extend(explaining(problem).into_iter().map(|other| other.map));
     }
     Ok(Some(Witness {
         variance: variance(found.cost, found.freedom),
-        freedom: found.freedom,
         undetermined: found.undetermined,
         map: found.map,
         others,
@@ -83,12 +82,16 @@ pub fn witness<T: Real>(
 /// bearings about as well as the best of them; the most compact first, for at the edge of a family
 /// landmarks run away.
 pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
-    let circle = Circle {
-        places: PLACES,
-        width: 1.0,
+    let circle = if problem.landmarks() == MIN_SHARED {
+        Circle::WHOLE
+    } else {
+        Circle {
+            places: PLACES,
+            ..Circle::WHOLE
+        }
     };
     let mut scored = Vec::new();
-    for views in draw(problem, 4, TRIPLES, 0) {
+    for views in draw(problem, MIN_SHARED, TRIPLES, 0) {
         scored.extend(along_circle(problem, views, circle));
     }
     scored.sort_by(|a, b| a.0.as_f64().total_cmp(&b.0.as_f64()));

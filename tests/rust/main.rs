@@ -4,10 +4,12 @@
 mod batch;
 mod common;
 mod degenerate;
+mod diagnosis;
 mod layers;
 mod properties;
 mod reference;
 mod refinement;
+mod shapes;
 mod single;
 mod solve;
 #[cfg(feature = "rayon")]
