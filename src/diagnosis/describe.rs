@@ -47,10 +47,8 @@ pub fn configuration(
                  slide along it",
                 both(&views, &landmarks)
             ),
-            format!(
-                "Add {} off the circle, seen by all views.",
-                count(if views.len() == 3 { 3 } else { 2 }, "landmark")
-            ),
+            // Two are enough by their number, but leave one direction free.
+            "Add three landmarks off the circle, seen by all views.".into(),
         ),
         Kind::CoincidentViews => (
             format!(

@@ -148,7 +148,7 @@ impl<'a, T: Real> Work<'a, T> {
             .for_each(|&landmark| landmarks[landmark] = true);
         Self {
             part,
-            problem: problem.restrict(&views, &landmarks),
+            problem: problem.restrict(&views, &landmarks).on_its_own(),
             given: map.map(|map| Map {
                 poses: part.views.iter().map(|&view| map.poses[view]).collect(),
                 landmarks: part.landmarks.iter().map(|&k| map.landmarks[k]).collect(),
