@@ -3,7 +3,7 @@
 
 use bearslam::{
     Arena, Bearing, Layout, Map, Method, Pose, Problem, Real, RefineOptions, Scene, SolveOptions,
-    Triple, refine_map, resect, simulate, solve, three_view, triangulate,
+    Triple, diagnose, refine_map, resect, simulate, solve, three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::Point2;
@@ -166,6 +166,21 @@ fn whole(criterion: &mut Criterion) {
     }
 }
 
+fn diagnoses(criterion: &mut Criterion) {
+    for (views, landmarks) in SIZES {
+        let scene = scene(views, landmarks, 5);
+        let problem = Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem");
+        let found = solve(&problem, &SolveOptions::default(), None).expect("a map");
+        criterion.bench_function(&format!("diagnose a map/{views}x{landmarks}"), |bencher| {
+            bencher.iter(|| diagnose(black_box(&problem), Some(&found.map), None))
+        });
+        criterion.bench_function(
+            &format!("diagnose from nothing/{views}x{landmarks}"),
+            |bencher| bencher.iter(|| diagnose(black_box(&problem), None, None)),
+        );
+    }
+}
+
 fn all(criterion: &mut Criterion) {
     three_views::<f64>(criterion, "f64");
     three_views::<f32>(criterion, "f32");
@@ -173,6 +188,7 @@ fn all(criterion: &mut Criterion) {
     kernels(criterion);
     refinement(criterion);
     whole(criterion);
+    diagnoses(criterion);
 }
 
 criterion_group! {

@@ -8,15 +8,18 @@ mod cause;
 mod counting;
 mod describe;
 mod diagnose;
+mod evidence;
 mod examine;
 mod family;
 mod figure;
 mod finding;
 mod movers;
+mod own;
 mod report;
 mod shape;
 mod spectrum;
 mod structure;
+mod verdict;
 mod words;
 
 pub use diagnose::diagnose;

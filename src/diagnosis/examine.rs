@@ -70,17 +70,25 @@ const ROUNDS: usize = 8;
 pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
     let spectrum = Spectrum::of(figure)?;
     let noise = noise.max(4.0 * figure.rounding);
-    let generic = generic(figure);
-    let structural = Spectrum::of(&generic)?.free();
     let directions = open_directions(figure, &spectrum, noise);
     let mut found = Examination {
         spectrum,
         directions,
         causes: Vec::new(),
-        structural,
+        structural: 0,
     };
+    // Shapes are only worth a look when something is free or they are there.
+    let all: Vec<_> = Configuration::of_all(figure)
+        .into_iter()
+        .filter(|configuration| configuration.fits(figure, &found.spectrum, noise))
+        .collect();
+    if found.directions.is_empty() && all.is_empty() {
+        return Some(found);
+    }
+    let generic = generic(figure);
+    found.structural = Spectrum::of(&generic)?.free();
     if noise < MAX_NOISE {
-        found.name_whole(figure, &generic, noise);
+        found.name_whole(figure, &generic, noise, &all);
         found.name_points(figure, &generic, noise);
     }
     Some(found)
@@ -119,9 +127,9 @@ fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Dire
 
 impl Examination {
     /// Looks for the configurations that concern the whole map.
-    fn name_whole(&mut self, figure: &Figure, generic: &Figure, noise: f64) {
+    fn name_whole(&mut self, figure: &Figure, generic: &Figure, noise: f64, all: &[Configuration]) {
         let mut snapped = figure.clone();
-        for configuration in Configuration::of_all(figure) {
+        for configuration in all {
             let named: usize = self.causes.iter().map(|cause| cause.directions).sum();
             let free = self.spectrum.free();
             // With exact bearings there is no more to name than what is free.
@@ -139,7 +147,7 @@ impl Examination {
                 continue;
             };
             snapped = next;
-            self.accept(&configuration, directions, &snapped);
+            self.accept(configuration, directions, &snapped);
         }
     }
 

@@ -115,11 +115,6 @@ impl Figure {
         true
     }
 
-    /// Number of parameters.
-    pub fn parameters(&self) -> usize {
-        3 * self.views.len() + 2 * self.landmarks.len()
-    }
-
     /// Number of a landmark among the points.
     pub fn point_of_landmark(&self, landmark: usize) -> usize {
         self.views.len() + landmark

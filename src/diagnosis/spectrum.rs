@@ -20,8 +20,10 @@ pub struct Spectrum {
     rounding: f64,
 }
 
-/// Most parameters for which the spectrum is computed: its time grows with their cube.
-pub const MAX_PARAMETERS: usize = 1500;
+/// Most parameters for which the spectrum is computed, and most sightings times their square: a second or
+/// two. Time and memory grow with that product.
+const MAX_PARAMETERS: usize = 600;
+const MAX_WORK: usize = 2_000_000_000;
 
 /// A sighting over less than this part of the map's size ties two places together and tells little
 /// else; its huge weight would only drown the rest, so it is cut to what it has there.
@@ -31,10 +33,11 @@ const TOUCHING: f64 = 1e-3;
 const STEPS: usize = 60;
 
 impl Spectrum {
-    /// The spectrum of a figure; `None` above [`MAX_PARAMETERS`], or if the decomposition fails.
+    /// The spectrum of a figure; `None` when it is too large, or if the decomposition fails.
     pub fn of(figure: &Figure) -> Option<Self> {
         let units = parameter_units(figure);
-        if units.len() > MAX_PARAMETERS {
+        let count = units.len();
+        if count > MAX_PARAMETERS || figure.sightings.len() * count * count > MAX_WORK {
             return None;
         }
         let mut jacobian = rows(figure);
@@ -50,7 +53,7 @@ impl Spectrum {
             reflect_columns(&mut jacobian, reflector);
         }
         let gauge = reflectors.len();
-        let count = units.len().checked_sub(gauge).filter(|&count| count > 0)?;
+        let count = count.checked_sub(gauge).filter(|&count| count > 0)?;
         let held = jacobian.columns(gauge, count).into_owned();
         // A triangle first: its decomposition does not depend on how many sightings there are.
         let square = if held.nrows() > count {

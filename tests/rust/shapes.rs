@@ -31,7 +31,7 @@ pub enum Draw {
 pub type Row = (&'static str, Draw, Draw, &'static [(usize, usize)], usize);
 
 /// The rows that leave directions free.
-pub const DEGENERATE: [Row; 11] = [
+pub const DEGENERATE: [Row; 12] = [
     (
         "two_views",
         Draw::Anywhere,
@@ -60,6 +60,13 @@ pub const DEGENERATE: [Row; 11] = [
         Draw::Anywhere,
         &[(3, 8)],
         2,
+    ),
+    (
+        "coincident_views",
+        Draw::Coincide,
+        Draw::Anywhere,
+        &[(3, 8), (6, 8)],
+        7,
     ),
     (
         "four_landmarks_on_a_circle",
