@@ -22,8 +22,8 @@ fn named(diagnosis: &Diagnosis, name: &str) -> bool {
 }
 
 fn main() {
-    let numbers = std::env::args().skip(1).filter_map(|a| a.parse().ok());
-    let scenes: u64 = numbers.last().unwrap_or(1000);
+    let mut numbers = std::env::args().skip(1).filter_map(|a| a.parse().ok());
+    let scenes: u64 = numbers.next().unwrap_or(1000);
     let verbose = std::env::var("VERBOSE").is_ok();
     let draws = (scenes / 20).max(5);
     println!("named, of {draws} scenes each\n");

@@ -19,8 +19,8 @@ from bearslam.report import printable
 __all__ = ["add"]
 
 DESCRIPTION = """\
-What the bearings of a file determine, what they do not, and why. The file is as for `bearslam solve`. The exit code is 0
-whatever is found.
+What the bearings of a file determine, what they do not, and why. The file is as for `bearslam solve`. The exit code is
+0 whatever is found.
 """
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias, cast
+from typing import Literal, TypeAlias, cast
 
 from numpy.typing import ArrayLike
 
@@ -19,18 +19,39 @@ Severity: TypeAlias = Literal["error", "warning", "note"]
 """Something is not determined; something is determined badly; something is worth knowing."""
 
 
-class Component(NamedTuple):
-    """A part of a problem that its sightings connect."""
+@dataclass(frozen=True)
+class Component:
+    """A part of a problem that its sightings connect.
+
+    Attributes
+    ----------
+    views, landmarks : tuple of int
+        Its members.
+    sightings : int
+        How many there are between them.
+    freedom : int
+        Sightings less unknowns, but for the four of the gauge; negative when there are too few.
+    """
 
     views: tuple[int, ...]
     landmarks: tuple[int, ...]
     sightings: int
     freedom: int
-    """Sightings less unknowns, but for the four of the gauge; negative when there are too few."""
 
 
-class Mover(NamedTuple):
-    """A view or landmark that a direction moves, and its share of the squared moves."""
+@dataclass(frozen=True)
+class Mover:
+    """A view or landmark that a direction moves.
+
+    Attributes
+    ----------
+    kind : {"view", "landmark"}
+        Which of the two.
+    index : int
+        Its number.
+    share : float
+        Its share of the squared moves.
+    """
 
     kind: Literal["view", "landmark"]
     index: int

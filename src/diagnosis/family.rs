@@ -215,7 +215,7 @@ mod tests {
     /// Every member has the same bearings, (T19).
     #[test]
     fn members_explain_the_same_bearings() {
-        let views = [
+        let views: [(f64, f64, f64); 4] = [
             (0.1, 0.2, 0.3),
             (1.4, -0.3, 2.0),
             (2.2, 0.5, -1.0),

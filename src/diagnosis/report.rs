@@ -79,6 +79,7 @@ const MAX_LISTED: usize = 4;
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = match self.worst() {
+            _ if self.find(Kind::PoorFit).is_some() => "no map that explains them",
             Some(Severity::Error) => "not determined",
             Some(Severity::Warning) => "determined, but weakly",
             _ => "determined",

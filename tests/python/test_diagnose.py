@@ -70,8 +70,8 @@ def test_what_it_carries():
     assert direction.deviation == np.inf
     assert direction.cause == finding.name
     assert sum(mover.share for mover in direction.movers) == pytest.approx(1, abs=0.1)
-    ((views, points, sightings, freedom),) = found.components
-    assert (len(views), len(points), sightings, freedom) == (5, 8, 40, 13)
+    (part,) = found.components
+    assert (len(part.views), len(part.landmarks), part.sightings, part.freedom) == (5, 8, 40, 13)
     assert found.singular_values[0] < 1e-9 < found.singular_values[1]
     assert 1 < found.condition < 1e4
     assert "not determined" in repr(found)
@@ -101,7 +101,7 @@ def test_who_sees_too_little():
 
 @pytest.mark.parametrize("bearings", [[[0.3]], np.zeros((2, 7)), np.zeros((5, 8)), np.eye(6)])
 def test_it_never_fails(bearings):
-    assert not bearslam.diagnose(bearings).determined
+    assert bearslam.diagnose(bearings).findings
 
 
 def test_the_error_carries_it():

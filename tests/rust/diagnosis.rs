@@ -4,7 +4,7 @@
 use super::common;
 use super::shapes::{DEGENERATE, Draw, Drawn, HARMLESS};
 use bearslam::{
-    Diagnosis, Error, Kind, Map, Pose, Problem, Severity, Sighting, SolveOptions, bearing_to,
+    Diagnosis, Error, Kind, Map, Pose, Problem, Real, Severity, Sighting, SolveOptions, bearing_to,
     diagnose, pose, solve,
 };
 use nalgebra::Point2;
@@ -127,7 +127,7 @@ fn no_false_alarm() {
     for seed in 0..60 {
         for (views, landmarks) in [(4, 7), (5, 9), (8, 11), (12, 15)] {
             for noise_deg in [0.0, 0.1, 0.5] {
-                let layout = common::LAYOUTS[seed as usize % 2];
+                let layout = common::LAYOUTS[(seed % 2) as usize];
                 let scene = common::scene(layout, views, landmarks, noise_deg, seed);
                 let problem = common::problem(&scene);
                 let found = diagnose(&problem, None, None).unwrap();
@@ -153,7 +153,8 @@ fn no_false_alarm() {
 fn advice_is_enough() {
     let off = [(0.4, 2.2), (-1.1, -2.0), (2.4, 1.9)].map(|(x, y)| Point2::new(x, y));
     let elsewhere = [pose(-0.7, 1.9, 0.4), pose(1.9, -0.6, 2.0)];
-    let cases: [(&str, &[Pose<f64>], &[Point2<f64>]); 9] = [
+    type Added<'a> = (&'a str, &'a [Pose<f64>], &'a [Point2<f64>]);
+    let cases: [Added<'_>; 9] = [
         ("counting", &[], &off[..1]),
         ("too_few_landmarks", &[], &off[..1]),
         ("three_collinear_views", &elsewhere[..1], &[]),
@@ -455,12 +456,12 @@ fn a_landmark_on_a_view() {
 #[test]
 fn single_precision() {
     let scene = Drawn::new(Draw::Anywhere, Draw::Line, (5, 8), 0.0, 1);
-    let table: Vec<f32> = scene.table.iter().map(|&a| a as f32).collect();
+    let table: Vec<f32> = scene.table.iter().map(|&a| f32::lit(a)).collect();
     let problem = Problem::dense(5, 8, &table, 1.0).unwrap();
     let found = diagnose(&problem, None, None).unwrap();
     assert!(named(&found, "collinear_landmarks"), "{found}");
     let scene = Drawn::new(Draw::Anywhere, Draw::Anywhere, (5, 8), 0.0, 1);
-    let table: Vec<f32> = scene.table.iter().map(|&a| a as f32).collect();
+    let table: Vec<f32> = scene.table.iter().map(|&a| f32::lit(a)).collect();
     let problem = Problem::dense(5, 8, &table, 1.0).unwrap();
     let found = diagnose(&problem, None, None).unwrap();
     assert!(found.determined(), "{found}");
