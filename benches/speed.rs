@@ -3,8 +3,8 @@
 
 use bearslam::{
     Arena, Bearing, Frame, Layout, Loss, Map, Method, Pose, Problem, Real, RefineOptions, Scene,
-    SolveOptions, Strategy, Triple, covariance, initialize, refine_map, resect, simulate, solve,
-    three_view, triangulate,
+    SolveOptions, Strategy, Triple, covariance, diagnose, initialize, refine_map, resect, simulate,
+    solve, three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::Point2;
@@ -263,6 +263,21 @@ fn limited_sight(criterion: &mut Criterion) {
     }
 }
 
+fn diagnoses(criterion: &mut Criterion) {
+    for (views, landmarks) in SIZES {
+        let scene = scene(views, landmarks, 5);
+        let problem = Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem");
+        let found = solve(&problem, &SolveOptions::default(), None).expect("a map");
+        criterion.bench_function(&format!("diagnose a map/{views}x{landmarks}"), |bencher| {
+            bencher.iter(|| diagnose(black_box(&problem), Some(&found.map), None))
+        });
+        criterion.bench_function(
+            &format!("diagnose from nothing/{views}x{landmarks}"),
+            |bencher| bencher.iter(|| diagnose(black_box(&problem), None, None)),
+        );
+    }
+}
+
 fn all(criterion: &mut Criterion) {
     three_views::<f64>(criterion, "f64");
     three_views::<f32>(criterion, "f32");
@@ -273,6 +288,7 @@ fn all(criterion: &mut Criterion) {
     posterior(criterion);
     whole(criterion);
     limited_sight(criterion);
+    diagnoses(criterion);
 }
 
 criterion_group! {

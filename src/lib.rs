@@ -25,6 +25,7 @@
 //! | `estimation` | problems, residuals, Levenberg-Marquardt | `alloc` |
 //! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
+//! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
 //! | `batch` | many problems over all cores | `rayon` |
 //! | `sweep` | Monte-Carlo sweeps over random scenes | `rayon` |
 //! | `python` | the extension module of the Python package | `python` |
@@ -47,6 +48,8 @@ extern crate std;
 
 #[cfg(feature = "rayon")]
 mod batch;
+#[cfg(feature = "alloc")]
+mod diagnosis;
 mod error;
 #[cfg(feature = "alloc")]
 mod estimation;
@@ -64,6 +67,8 @@ mod sweep;
 
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
+#[cfg(feature = "alloc")]
+pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{

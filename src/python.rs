@@ -6,6 +6,7 @@
 //! interpreter is released.
 
 mod convert;
+mod diagnosis;
 mod many;
 mod sweep;
 mod watch;
@@ -40,6 +41,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solve, module)?)?;
     module.add_function(wrap_pyfunction!(refine, module)?)?;
     module.add_function(wrap_pyfunction!(simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
     module.add_function(wrap_pyfunction!(many::three_view_batch, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::scene_seed, module)?)

@@ -17,7 +17,9 @@ mod search;
 mod sight;
 mod solve;
 mod triples;
+mod witness;
 
 pub use options::{Progress, Search, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};
+pub(crate) use witness::{Witness, explaining, mirror_images, seed, witness};

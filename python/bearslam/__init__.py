@@ -14,6 +14,7 @@ True
 
 from bearslam._core import __version__
 from bearslam.align import Similarity, align
+from bearslam.diagnose import Diagnosis, Finding, NullDirection, diagnose
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
 from bearslam.files import load, save
 from bearslam.montecarlo.result import SweepResult
@@ -36,8 +37,11 @@ from bearslam.triangulate import triangulate
 __all__ = [
     "BearslamError",
     "DegenerateError",
+    "Diagnosis",
     "ExecutorError",
+    "Finding",
     "InvalidInputError",
+    "NullDirection",
     "Problem",
     "Reconstruction",
     "Scene",
@@ -49,6 +53,7 @@ __all__ = [
     "Undetermined",
     "__version__",
     "align",
+    "diagnose",
     "epipoles",
     "initialize",
     "load",

@@ -35,6 +35,23 @@ class RawReconstruction(TypedDict):
     undetermined: list[tuple[str, int, str]]
     components: list[RawReconstruction]
 
+@type_check_only
+class RawDiagnosis(TypedDict):
+    views: int
+    landmarks: int
+    sightings: int
+    determined: bool
+    extra: int
+    singular_values: _Float
+    condition: float
+    noise: float
+    near_collinear: bool
+    mirror_margin: float
+    components: list[tuple[list[int], list[int], int, int]]
+    null_directions: list[tuple[bool, float, float, list[tuple[str, int, float]], str | None]]
+    findings: list[tuple[str, str, list[int], list[int], int, str, str]]
+    text: str
+
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
 def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...
 def epipoles(tensor: _Float) -> _Float: ...
@@ -89,6 +106,18 @@ def refine(
     tolerance: float,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawReconstruction: ...
+def diagnose(
+    views: int,
+    landmarks: int,
+    view: _Index,
+    landmark: _Index,
+    bearing: _Float,
+    sigma: _Float,
+    poses: _Float | None,
+    points: _Float | None,
+    *,
+    progress: Callable[[str, int, int], object] | None,
+) -> RawDiagnosis: ...
 def simulate(
     layout: str,
     views: int,

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from bearslam import cli_sweep
+from bearslam import cli_diagnose, cli_sweep
 from bearslam._core import __version__
 from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
@@ -32,6 +32,7 @@ examples:
   bearslam simulate mixed 4 9 --noise-deg 2 -o scene.csv
   bearslam solve scene.csv -o map.json --plot map.png
   bearslam simulate enclosed 4 9 | bearslam solve -
+  bearslam diagnose scene.csv
   bearslam sweep mixed --trials 10 -o sweep.csv --plot failures.png
 """
 
@@ -100,6 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(metavar="COMMAND", required=True, title="commands")
     _add_solve(verbs)
     _add_simulate(verbs)
+    cli_diagnose.add(verbs)
     cli_sweep.add(verbs)
     _add_demo(verbs)
     return parser

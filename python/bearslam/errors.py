@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from bearslam.diagnose import Diagnosis
     from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
@@ -36,13 +37,21 @@ class DegenerateError(BearslamError, ArithmeticError):
         What it came to.
     bound : float
         What it would have had to reach.
+
+    Attributes
+    ----------
+    diagnosis : Diagnosis or None
+        What the bearings leave undetermined, and why, by name; None where nothing was diagnosed.
     """
+
+    diagnosis: Diagnosis | None
 
     def __init__(self, message: str, *, quantity: str, value: float, bound: float) -> None:
         super().__init__(message)
         self.quantity = quantity
         self.value = value
         self.bound = bound
+        self.diagnosis = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The keyword-only arguments would be lost in the way exceptions are pickled by default.

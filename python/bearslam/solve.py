@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from bearslam import _core
 from bearslam.coerce import Progress, choice, observer, real, whole
+from bearslam.diagnose import diagnose
+from bearslam.errors import DegenerateError
 from bearslam.maps import MapLike, pick
 from bearslam.problem import ProblemLike, Table, tabulate
 from bearslam.reconstruction import Reconstruction, Termination, Undetermined
@@ -90,10 +92,12 @@ def solve(
         If an argument is out of range, a landmark is seen twice by a view, or there are too few sightings.
     DegenerateError
         If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place.
+        Its `diagnosis` says what is wrong, and what to add.
 
     See Also
     --------
     initialize : the same without the refinement.
+    diagnose : what the bearings determine, and why not.
     refine : the refinement alone.
 
     References
@@ -119,24 +123,28 @@ def solve(
     bearslam.errors.InvalidInputError: ...
     """
     table = tabulate(problem, sigma)
-    raws = _core.solve(
-        table.views,
-        table.landmarks,
-        table.sightings.view,
-        table.sightings.landmark,
-        table.sightings.bearing,
-        table.sigma,
-        method=choice("method", method, METHODS),
-        triples=whole("triples", triples, 1),
-        grown=whole("grown", grown, 1),
-        candidates=whole("candidates", candidates, 1),
-        swept=whole("swept", swept, 0),
-        max_iterations=whole("max_iterations", max_iterations, 1),
-        damping=real("damping", damping, 0.0),
-        tolerance=real("tolerance", tolerance, 0.0),
-        seed=whole("seed", seed, 0),
-        progress=observer(progress),
-    )
+    try:
+        raws = _core.solve(
+            table.views,
+            table.landmarks,
+            table.sightings.view,
+            table.sightings.landmark,
+            table.sightings.bearing,
+            table.sigma,
+            method=choice("method", method, METHODS),
+            triples=whole("triples", triples, 1),
+            grown=whole("grown", grown, 1),
+            candidates=whole("candidates", candidates, 1),
+            swept=whole("swept", swept, 0),
+            max_iterations=whole("max_iterations", max_iterations, 1),
+            damping=real("damping", damping, 0.0),
+            tolerance=real("tolerance", tolerance, 0.0),
+            seed=whole("seed", seed, 0),
+            progress=observer(progress),
+        )
+    except DegenerateError as error:
+        error.diagnosis = diagnose(problem, sigma=sigma, progress=progress)
+        raise
     return _ranked(table, raws)
 
 

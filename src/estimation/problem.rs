@@ -314,9 +314,15 @@ impl<T: Real> Problem<T> {
         &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
     }
 
+    /// The same sightings as a problem of its own: input indices refer to itself.
+    pub(crate) fn on_its_own(mut self) -> Self {
+        self.input = (0..self.sightings.len()).collect();
+        self
+    }
+
     /// The part of the problem between the views and landmarks that are kept, numbered anew in
     /// their order. Input indices refer to the sightings of this problem.
-    pub(super) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
+    pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
         let number = |keep: &[bool]| {
             let mut next = 0;
             let numbers: Vec<usize> = keep

@@ -8,7 +8,7 @@ use super::anchored::anchored;
 use super::bounded::take_out_unbounded;
 use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
-use super::solve::{assess, solve};
+use super::solve::solve;
 use crate::error::Error;
 use crate::estimation::{Map, Problem, Undetermined, Why, refine_map};
 use crate::geometry::align;
@@ -86,7 +86,6 @@ pub fn solve_posterior<T: Real>(
         })
     })?;
     take_out_unbounded(problem, &mut best);
-    assess(problem, &mut best);
     Ok(best)
 }
 

@@ -148,6 +148,16 @@ pub fn solve<T: Real>(
     options: &SolveOptions<T>,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
+    let best = best(problem, options, progress)?;
+    judge(problem, best)
+}
+
+/// The map of [`solve`], not yet tested for free directions.
+pub fn best<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: Option<Progress<'_>>,
+) -> Result<Reconstruction<T>, Error> {
     if !problem.ties().is_empty() {
         return solve_posterior(problem, options, progress);
     }
@@ -160,7 +170,7 @@ pub fn solve<T: Real>(
         assess(problem, map);
     }
     if let Some(found) = sight::gather(problem, maps) {
-        return judge(problem, found);
+        return Ok(found);
     }
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
@@ -203,7 +213,7 @@ pub fn solve<T: Real>(
     for rival in &mut best.alternatives {
         take_out_unbounded(problem, rival);
     }
-    judge(problem, best)
+    Ok(best)
 }
 
 /// Fills in sensitivity and uncertainty.

@@ -5,12 +5,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the bottom up.
-const LAYERS: [&[&str]; 8] = [
+const LAYERS: [&[&str]; 9] = [
     &["scalar", "error"],
     &["geometry"],
     &["kernels"],
     &["estimation"],
     &["reconstruction", "simulate"],
+    &["diagnosis"],
     &["batch"],
     &["sweep"],
     &["python"],

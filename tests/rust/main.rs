@@ -4,11 +4,13 @@
 mod batch;
 mod common;
 mod degenerate;
+mod diagnosis;
 mod layers;
 mod posterior;
 mod properties;
 mod reference;
 mod refinement;
+mod shapes;
 mod sight;
 mod single;
 mod solve;

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What a diagnosis returns, and how it reads.
+
+use super::finding::{Finding, Kind, Severity};
+use super::structure::Part;
+use super::words::{both, count};
+use crate::estimation::Subject;
+use alloc::vec::Vec;
+use core::fmt;
+
+/// A direction of the map that the bearings hold weakly or not at all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NullDirection {
+    /// Whether it is free, up to rounding; else it is held weakly.
+    pub free: bool,
+    /// Singular value of the Jacobian over its median column: 0 where free.
+    pub singular_value: f64,
+    /// Predicted standard deviation of the map along it, as a share of its size; infinite where free.
+    pub deviation: f64,
+    /// Who moves, and its share of the squared moves; largest first.
+    pub movers: Vec<(Subject, f64)>,
+    /// The finding that explains it.
+    pub cause: Option<Kind>,
+}
+
+/// What bearings determine and what they do not.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Diagnosis {
+    /// Number of views.
+    pub views: usize,
+    /// Number of landmarks.
+    pub landmarks: usize,
+    /// Number of sightings.
+    pub sightings: usize,
+    /// Parts that sightings connect, without those who have too few; most sightings first.
+    pub components: Vec<Part>,
+    /// Directions that are free beyond the gauge of each part.
+    pub extra: usize,
+    /// The smallest singular values of the Jacobian of the first part that was examined, over its median
+    /// column, without the gauge: ascending, up to eight. Empty when no map was had.
+    pub singular_values: Vec<f64>,
+    /// Largest singular value over the smallest that is not zero; NaN when no map was had.
+    pub condition: f64,
+    /// Standard deviation of a bearing that was reckoned with \[rad\]: that of the problem, or the residuals'.
+    pub noise: f64,
+    /// Whether there are three views, and they are on one line or so near it that noise hides the
+    /// difference.
+    pub near_collinear: bool,
+    /// How many times larger the residuals of the next best map are, such as the mirror image of three views;
+    /// infinite when none was found, NaN when none was looked for.
+    pub mirror_margin: f64,
+    /// Directions that are free or weak, by part; those held least first.
+    pub directions: Vec<NullDirection>,
+    /// What is wrong, the worst first.
+    pub findings: Vec<Finding>,
+}
+
+impl Diagnosis {
+    /// Whether the bearings determine everything.
+    pub fn determined(&self) -> bool {
+        self.worst()
+            .is_none_or(|severity| severity > Severity::Error)
+    }
+
+    /// The severity of the worst finding.
+    pub fn worst(&self) -> Option<Severity> {
+        self.findings.iter().map(|finding| finding.severity).min()
+    }
+
+    /// The first finding of a kind.
+    pub fn find(&self, kind: Kind) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.kind == kind)
+    }
+}
+
+/// Most free and weak directions that are spelt out.
+const MAX_LISTED: usize = 4;
+
+impl fmt::Display for Diagnosis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = match self.worst() {
+            _ if self.find(Kind::PoorFit).is_some() => "no map that explains them",
+            Some(Severity::Error) => "not determined",
+            Some(Severity::Warning) => "determined, but weakly",
+            _ => "determined",
+        };
+        write!(
+            f,
+            "{} of {} from {}: {verdict}",
+            count(self.sightings, "sighting"),
+            count(self.landmarks, "landmark"),
+            count(self.views, "view")
+        )?;
+        for finding in &self.findings {
+            write!(f, "\n{finding}")?;
+        }
+        for direction in self.directions.iter().take(MAX_LISTED) {
+            let (views, landmarks) =
+                super::finding::apart(direction.movers.iter().map(|&(subject, _)| subject));
+            let moved = both(&views, &landmarks);
+            if direction.free {
+                write!(f, "\nfree direction: moves {moved}")?;
+            } else {
+                let percent = direction.deviation * 100.0;
+                write!(
+                    f,
+                    "\nweak direction: {percent:.0} % of the size of the map; moves {moved}"
+                )?;
+            }
+        }
+        if self.directions.len() > MAX_LISTED {
+            write!(
+                f,
+                "\nand {} directions more",
+                self.directions.len() - MAX_LISTED
+            )?;
+        }
+        Ok(())
+    }
+}
