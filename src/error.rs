@@ -98,6 +98,11 @@ pub enum Error {
         /// The bound that it violates.
         bound: f64,
     },
+    /// Bearings that are known modulo pi only, where a method needs rays.
+    NeedsRays {
+        /// The method.
+        what: &'static str,
+    },
     /// The memory does not hold the normal equations.
     OutOfMemory,
     /// The caller asked to stop.
@@ -171,6 +176,12 @@ impl fmt::Display for Error {
                     f,
                     "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}; add landmarks off \
                      their common line or circle, or views from other places"
+                )
+            }
+            Self::NeedsRays { what } => {
+                write!(
+                    f,
+                    "{what}: expected oriented bearings, got bearings known modulo pi"
                 )
             }
             Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),

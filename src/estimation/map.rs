@@ -6,7 +6,7 @@ use super::gauge::{Held, free_directions};
 use super::priors::Tie;
 use super::problem::Problem;
 use crate::error::Error;
-use crate::geometry::{Pose, signed_angle, transform_pose};
+use crate::geometry::{Pose, transform_pose};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -113,12 +113,8 @@ impl<T: Real> Map<T> {
         problem: &'a Problem<T>,
     ) -> impl Iterator<Item = Option<T>> + 'a {
         problem.sightings().iter().map(|s| {
-            let pose = self.poses[s.view]?;
-            let seen = pose.inverse_transform_point(&self.landmarks[s.landmark]?);
-            let turned = s.bearing.inverse_transform_vector(&seen.coords);
-            let behind = !problem.is_oriented() && turned.x < T::zero();
-            let turned = if behind { -turned } else { turned };
-            Some(signed_angle(turned.x, turned.y))
+            let (pose, point) = (self.poses[s.view]?, self.landmarks[s.landmark]?);
+            Some(problem.residual(&pose, &point, s))
         })
     }
 

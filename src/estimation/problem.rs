@@ -4,11 +4,12 @@
 use super::map::Subject;
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Tie};
 use crate::error::Error;
-use crate::geometry::{Bearing, Pose};
+use crate::geometry::{Bearing, Pose, signed_angle};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
+use nalgebra::Point2;
 
 /// One bearing from a view to a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -297,6 +298,19 @@ impl<T: Real> Problem<T> {
     /// places that are NaN do not count.
     pub fn input_order(&self) -> &[usize] {
         &self.input
+    }
+
+    /// The bearing residual of a sighting \[rad\]: predicted less measured, in (-pi, pi]; of lines in
+    /// (-pi/2, pi/2].
+    #[inline]
+    pub(crate) fn residual(&self, pose: &Pose<T>, point: &Point2<T>, s: &Seen<T>) -> T {
+        let seen = pose.inverse_transform_point(point);
+        let turned = s.bearing.inverse_transform_vector(&seen.coords);
+        if self.oriented || turned.x >= T::zero() {
+            signed_angle(turned.x, turned.y)
+        } else {
+            signed_angle(-turned.x, -turned.y)
+        }
     }
 
     /// What a view sees.

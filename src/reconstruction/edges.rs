@@ -6,7 +6,6 @@
 //! hypothesis that is linear in the landmarks can tell them apart.
 
 use crate::estimation::{Map, Problem};
-use crate::geometry::signed_angle;
 use crate::kernels::triangulate;
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -35,12 +34,7 @@ pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T)
                 if let Some(pose) = &map.poses[s.view]
                     && but != Some(k)
                 {
-                    let seen = s
-                        .bearing
-                        .inverse_transform_vector(&pose.inverse_transform_point(place).coords);
-                    let lines = !problem.is_oriented() && seen.x < T::zero();
-                    let seen = if lines { -seen } else { seen };
-                    let residual = signed_angle(seen.x, seen.y) * s.weight;
+                    let residual = problem.residual(pose, place, s) * s.weight;
                     sum += residual * residual * T::lit(0.5);
                     if sum > bound {
                         return None;

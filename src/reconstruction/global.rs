@@ -21,13 +21,19 @@ const MAX_VIEWS: usize = 1024;
 /// five landmarks.
 ///
 /// # Errors
-/// [`Error::TooLarge`] above 1024 views, [`Error::Interrupted`], why no triple can be estimated when
+/// [`Error::TooLarge`] above 1024 views, [`Error::NeedsRays`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when
 /// none can.
 pub fn starts<T: Real>(
     problem: &Problem<T>,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map<T>>, Error> {
+    // The signs of the bearings tell the branches of most triples apart, and which way the system is to go.
+    if !problem.is_oriented() {
+        return Err(Error::NeedsRays {
+            what: "the global method",
+        });
+    }
     if problem.views() > MAX_VIEWS {
         return Err(Error::TooLarge {
             what: "views of the global method",

@@ -4,7 +4,7 @@
 use super::circle::{Circle, along_circle};
 use super::expand::{grow, score};
 use super::options::{Progress, Search, tell};
-use super::triples::{self, common_bearings};
+use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
@@ -88,11 +88,7 @@ pub fn search<T: Real>(
         match three_view(triples, Method::Calibrated { reweights: 1 }) {
             Err(error) => failure = Some(error),
             Ok(solution) => {
-                let [first, second] = &solution.motions;
-                let margin = 1 + triples.len() / 8;
-                // The signs of lines tell nothing.
-                let rivals =
-                    !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin;
+                let rivals = are_rivals(problem, &solution.motions, triples.len());
                 for motion in solution.motions.iter().take(1 + usize::from(rivals)) {
                     let mut map = Map::empty(problem.views(), problem.landmarks());
                     for (&view, pose) in views.iter().zip(motion.poses) {

@@ -2,7 +2,7 @@
 //! Triples of views that share landmarks.
 
 use crate::estimation::Problem;
-use crate::kernels::Triple;
+use crate::kernels::{Motion, Triple};
 use crate::scalar::Real;
 use alloc::collections::BTreeSet;
 use alloc::vec;
@@ -157,4 +157,12 @@ pub fn common_bearings<T: Real>(
         }
     }
     (triples, landmarks)
+}
+
+/// Whether the second of two motions may be the right one: it leaves hardly more bearings that point away
+/// than the first, or bearings are lines and their signs tell nothing.
+pub fn are_rivals<T: Real>(problem: &Problem<T>, motions: &[Motion<T>; 2], shared: usize) -> bool {
+    let [first, second] = motions;
+    let margin = 1 + shared / 8;
+    !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin
 }

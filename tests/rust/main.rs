@@ -16,3 +16,4 @@ mod single;
 mod solve;
 #[cfg(feature = "rayon")]
 mod sweep;
+mod unoriented;

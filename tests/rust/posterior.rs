@@ -266,41 +266,6 @@ fn odometry_carries_views_that_see_nothing() {
     assert!(cov.landmarks[7].is_none());
 }
 
-#[test]
-fn unoriented_bearings_are_solved_modulo_pi() {
-    for seed in 0..10 {
-        let mut scene = common::scene(Layout::Mixed, 6, 10, 0.1, seed);
-        let sigma = 0.1_f64.to_radians();
-        let straight = Problem::dense(6, 10, &scene.bearings, sigma).unwrap();
-        let straight = solve(&straight, &SolveOptions::default(), None).unwrap();
-        for (k, bearing) in scene.bearings.iter_mut().enumerate() {
-            if (k * 7 + k / 3) % 5 < 2 {
-                *bearing += std::f64::consts::PI;
-            }
-        }
-        let problem = Problem::dense(6, 10, &scene.bearings, sigma)
-            .unwrap()
-            .unoriented();
-        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
-        assert!(
-            found.cost <= straight.cost * (1.0 + 1e-6),
-            "{seed}: {} {}",
-            found.cost,
-            straight.cost
-        );
-        let half = std::f64::consts::FRAC_PI_2;
-        assert!(found.residuals.iter().flatten().all(|r| r.abs() <= half));
-        assert!(
-            found
-                .map
-                .poses
-                .iter()
-                .flatten()
-                .all(|p| p.rotation.angle().abs() <= half)
-        );
-    }
-}
-
 fn flatten(map: &Map<f64>) -> Vec<f64> {
     let poses = map.poses.iter().flatten();
     let poses = poses.flat_map(|p| [p.translation.x, p.translation.y, p.rotation.angle()]);

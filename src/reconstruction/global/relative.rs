@@ -2,7 +2,7 @@
 //! Relative headings of many triples of views, and which views they connect.
 
 use super::super::options::{Progress, tell};
-use super::super::triples::{self, common_bearings};
+use super::super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::Problem;
 use crate::kernels::CalibratedTensor;
@@ -84,9 +84,7 @@ fn relative<T: Real>(
     let tensor = CalibratedTensor::estimate(&triples, 1)?;
     let mut motions = tensor.motions(&triples)?;
     motions.sort_by_key(|motion| motion.inconsistent);
-    let [first, second] = &motions;
-    let margin = 1 + triples.len() / 8;
-    let rivals = second.inconsistent <= first.inconsistent + margin;
+    let rivals = are_rivals(problem, &motions, triples.len());
     let branches = motions[..1 + usize::from(rivals)]
         .iter()
         .map(|motion| motion.poses.map(|pose| pose.rotation));

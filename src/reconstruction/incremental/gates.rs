@@ -3,8 +3,8 @@
 //!
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
-use crate::estimation::{Map, Problem, Seen};
-use crate::geometry::{Pose, signed_angle};
+use crate::estimation::{Map, Problem};
+use crate::geometry::Pose;
 use crate::scalar::Real;
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -12,14 +12,6 @@ use nalgebra::{Matrix2, Point2, Vector2};
 /// residuals the expectation counts.
 const EXPECTED_NOISE: f64 = 0.02;
 const EXPECTED_COUNT: f64 = 6.0;
-
-/// The bearing residual of a sighting over sigma.
-pub fn residual<T: Real>(pose: &Pose<T>, point: &Point2<T>, s: &Seen<T>) -> T {
-    let seen = s
-        .bearing
-        .inverse_transform_vector(&pose.inverse_transform_point(point).coords);
-    signed_angle(seen.x, seen.y) * s.weight
-}
 
 /// Sum of squared residuals over sigma, and their number.
 #[derive(Clone, Copy, Debug)]
@@ -43,9 +35,9 @@ impl<T: Real> Fit<T> {
     /// A view at a pose, over the landmarks that have a place.
     pub fn of_view(problem: &Problem<T>, map: &Map<T>, view: usize, pose: &Pose<T>) -> Self {
         let seen = problem.of_view(view).iter();
-        Self::of(
-            seen.filter_map(|s| map.landmarks[s.landmark].map(|point| residual(pose, &point, s))),
-        )
+        Self::of(seen.filter_map(|s| {
+            Some(problem.residual(pose, &map.landmarks[s.landmark]?, s) * s.weight)
+        }))
     }
 
     /// A landmark at a place, over the views that have a pose.
@@ -58,7 +50,7 @@ impl<T: Real> Fit<T> {
         let seen = problem.of_landmark(landmark).iter();
         Self::of(seen.filter_map(|&k| {
             let s = &problem.sightings()[k];
-            map.poses[s.view].map(|pose| residual(&pose, point, s))
+            Some(problem.residual(&map.poses[s.view]?, point, s) * s.weight)
         }))
     }
 

@@ -53,7 +53,7 @@ pub fn landmark<T: Real>(
     let found = triangulate(rays.clone().map(|(pose, s)| (pose, s.bearing))).ok()?;
     let point = found.point;
     let fit = Fit::of_landmark(problem, map, landmark, &point);
-    if found.behind == 0 {
+    if found.behind == 0 || !problem.is_oriented() {
         return Some((point, fit));
     }
     let range = |pose: &Pose<T>| (point.coords - pose.translation.vector).norm();
@@ -81,7 +81,10 @@ pub fn far_out<T: Real>(
     for &k in problem.of_landmark(landmark) {
         let s = &problem.sightings()[k];
         if let Some(pose) = &map.poses[s.view] {
-            sum += ray(pose, s);
+            let ray = ray(pose, s);
+            // A line has two ends: those that go the same way.
+            let turned = !problem.is_oriented() && ray.dot(&sum) < T::zero();
+            sum += if turned { -ray } else { ray };
             from += pose.translation.vector;
             count += 1;
         }

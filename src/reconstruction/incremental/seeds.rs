@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Where maps begin: well conditioned triples of views.
 
-use super::super::triples::{self, common_bearings};
+use super::super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
@@ -53,9 +53,7 @@ pub fn begin<T: Real>(problem: &Problem<T>, views: [usize; 3]) -> Vec<Map<T>> {
     let Ok(solution) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
         return Vec::new();
     };
-    let [first, second] = &solution.motions;
-    let margin = 1 + triples.len() / 8;
-    let rivals = second.inconsistent <= first.inconsistent + margin;
+    let rivals = are_rivals(problem, &solution.motions, triples.len());
     let motions = solution.motions.iter().take(1 + usize::from(rivals));
     motions
         .map(|motion| {

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Bearings that are known modulo pi: lines instead of rays.
+
+use crate::common;
+use bearslam::{Arena, Error, Layout, Problem, SolveOptions, Strategy, simulate, solve};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Turns two bearings in five round.
+fn turn_some(bearings: &mut [f64]) {
+    for (k, bearing) in bearings.iter_mut().enumerate() {
+        if (k * 7 + k / 3) % 5 < 2 {
+            *bearing += PI;
+        }
+    }
+}
+
+#[test]
+fn unoriented_bearings_are_solved_modulo_pi() {
+    for seed in 0..10 {
+        let mut scene = common::scene(Layout::Mixed, 6, 10, 0.1, seed);
+        let sigma = 0.1_f64.to_radians();
+        let straight = Problem::dense(6, 10, &scene.bearings, sigma).unwrap();
+        let straight = solve(&straight, &SolveOptions::default(), None).unwrap();
+        turn_some(&mut scene.bearings);
+        let problem = Problem::dense(6, 10, &scene.bearings, sigma)
+            .unwrap()
+            .unoriented();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        assert!(
+            found.cost <= straight.cost * (1.0 + 1e-6),
+            "{seed}: {} {}",
+            found.cost,
+            straight.cost
+        );
+        let half = FRAC_PI_2;
+        assert!(found.residuals.iter().flatten().all(|r| r.abs() <= half));
+        assert!(
+            found
+                .map
+                .poses
+                .iter()
+                .flatten()
+                .all(|p| p.rotation.angle().abs() <= half)
+        );
+    }
+}
+
+#[test]
+fn limited_sight_is_solved_modulo_pi() {
+    let noise = 0.3_f64.to_radians();
+    let arena = Arena {
+        sight: 2.0,
+        ..Arena::default()
+    };
+    for seed in 0..3 {
+        let mut scene = simulate(Layout::Trajectory, 45, 40, noise, seed, arena).unwrap();
+        let straight = Problem::dense(45, 40, &scene.bearings, noise).unwrap();
+        let straight = solve(&straight, &SolveOptions::default(), None).unwrap();
+        turn_some(&mut scene.bearings);
+        let problem = Problem::dense(45, 40, &scene.bearings, noise)
+            .unwrap()
+            .unoriented();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let limit = straight.cost * (1.0 + 1e-5);
+        assert!(found.cost <= limit, "{seed}: {} {limit}", found.cost);
+        assert!(found.map.poses.iter().flatten().count() >= 44);
+        // The global method goes by the signs.
+        let options = SolveOptions {
+            strategy: Strategy::Global,
+            ..SolveOptions::default()
+        };
+        let error = solve(&problem, &options, None).unwrap_err();
+        assert!(matches!(error, Error::NeedsRays { .. }));
+    }
+}
