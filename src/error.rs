@@ -44,6 +44,17 @@ pub enum Error {
         /// The value that came.
         value: f64,
     },
+    /// A standard deviation so large that no bearing could be told from a wrong one.
+    TooCoarse {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+        /// The value that came \[rad\].
+        value: f64,
+        /// The largest value of use \[rad\].
+        bound: f64,
+    },
     /// An index that is out of range.
     OutOfRange {
         /// The argument.
@@ -113,6 +124,16 @@ impl fmt::Display for Error {
                     "{what}: expected positive numbers, got {value} at index {index}"
                 )
             }
+            Self::TooCoarse {
+                what,
+                index,
+                value,
+                bound,
+            } => write!(
+                f,
+                "{what}: outliers can be told only below {bound} rad, got {value} at index {index}; \
+                 give the standard deviation of a bearing in radians"
+            ),
             Self::OutOfRange {
                 what,
                 index,

@@ -9,6 +9,7 @@ mod minima;
 mod options;
 mod paper;
 mod result;
+mod robust;
 mod search;
 mod solve;
 mod triples;

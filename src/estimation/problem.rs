@@ -206,6 +206,14 @@ impl<T: Real> Problem<T> {
         &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
     }
 
+    /// The problem of some of the sightings, by their place in [`Problem::sightings`]; views and
+    /// landmarks keep their numbers. Input indices refer to the sightings of this problem.
+    pub(crate) fn subset(&self, keep: &[bool]) -> Self {
+        let input: Vec<usize> = (0..self.sightings.len()).filter(|&k| keep[k]).collect();
+        let sightings = input.iter().map(|&k| self.sightings[k]).collect();
+        Self::index(self.views(), self.landmarks, sightings, input)
+    }
+
     /// The part of the problem between the views and landmarks that are kept, numbered anew in
     /// their order. Input indices refer to the sightings of this problem.
     pub(super) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {

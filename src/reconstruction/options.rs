@@ -51,6 +51,9 @@ pub struct SolveOptions<T: Real> {
     pub refine: RefineOptions<T>,
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
+    /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
+    /// deviations of the bearings, for an outlier is what misses by more than three.
+    pub robust: bool,
 }
 
 impl<T: Real> Default for SolveOptions<T> {
@@ -59,6 +62,7 @@ impl<T: Real> Default for SolveOptions<T> {
             strategy: Strategy::Search(Search::default()),
             refine: RefineOptions::default(),
             seed: 0,
+            robust: false,
         }
     }
 }

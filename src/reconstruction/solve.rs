@@ -6,6 +6,7 @@ use super::minima::{Minima, same};
 use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::result::Reconstruction;
+use super::robust::solve_robust;
 use super::search::{self, Hypotheses, Hypothesis};
 use crate::error::Error;
 use crate::estimation::{
@@ -152,6 +153,9 @@ pub fn solve<T: Real>(
     options: &SolveOptions<T>,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
+    if options.robust {
+        return solve_robust(problem, options, progress);
+    }
     let mut progress = progress;
     let mut hypotheses = hypotheses(problem, options, &mut progress)?;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
@@ -198,7 +202,7 @@ pub fn solve<T: Real>(
 }
 
 /// Fills in sensitivity and uncertainty.
-fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+pub(super) fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
         let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What a robust map minimises: squared errors, none of which counts for more than an outlier's.
+
+use crate::estimation::{Map, Problem, Seen};
+use crate::geometry::{Pose, signed_angle};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::Point2;
+
+/// Standard deviations beyond which a bearing is an outlier. Of good ones 0.27 % are lost.
+pub const OUTLIER: f64 = 3.0;
+
+/// The square of residual over sigma of one sighting: the only place that says what it is for a bearing
+/// to agree with a pose and a landmark.
+#[inline]
+pub fn square<T: Real>(seen: &Seen<T>, pose: &Pose<T>, point: &Point2<T>) -> T {
+    let local = pose.inverse_transform_point(point).coords;
+    let turned = seen.bearing.inverse_transform_vector(&local);
+    let residual = signed_angle(turned.x, turned.y) * seen.weight;
+    residual * residual
+}
+
+/// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
+pub fn squares<'a, T: Real>(
+    problem: &'a Problem<T>,
+    map: &'a Map<T>,
+) -> impl Iterator<Item = Option<T>> + 'a {
+    problem
+        .sightings()
+        .iter()
+        .map(|s| match (&map.poses[s.view], &map.landmarks[s.landmark]) {
+            (Some(pose), Some(point)) => Some(square(s, pose, point)),
+            _ => None,
+        })
+}
+
+/// Half the sum of the squares, none of which counts for more than that of `bound`; a sighting that the
+/// map does not reach counts that much.
+pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, bound: f64) -> T {
+    let most = T::lit(bound * bound);
+    squares(problem, map).fold(T::zero(), |sum, square| {
+        sum + square.map_or(most, |square| square.min(most))
+    }) * T::lit(0.5)
+}
+
+/// The sightings that a map explains to within `bound` standard deviations.
+pub fn inliers<T: Real>(problem: &Problem<T>, map: &Map<T>, bound: f64) -> Vec<bool> {
+    let most = T::lit(bound * bound);
+    squares(problem, map)
+        .map(|square| square.is_some_and(|square| square <= most))
+        .collect()
+}
+
+/// Sum of bounded squares over some sightings, given up once it exceeds `limit`, and how many are
+/// within the bound.
+pub fn tally<T: Real>(
+    squares: impl Iterator<Item = T>,
+    bound: f64,
+    limit: T,
+) -> Option<(T, usize)> {
+    let most = T::lit(bound * bound);
+    let (mut sum, mut count) = (T::zero(), 0);
+    for square in squares {
+        if square <= most {
+            sum += square;
+            count += 1;
+        } else {
+            sum += most;
+        }
+        if !(sum < limit) {
+            return None;
+        }
+    }
+    Some((sum, count))
+}
