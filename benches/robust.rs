@@ -101,9 +101,22 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
     let begin = Instant::now();
     let found = solve(&problem, &options, None);
     let time = begin.elapsed().as_secs_f64();
-    let least = from_truth(&scene, &wrong, noise);
+    let (least, tmap) = from_truth(&scene, &wrong, noise);
     let (cost, inliers) = match found {
-        Ok(found) => (found.cost, found.inliers),
+        Ok(found) => {
+            if std::env::var("DIFF").is_ok() && !(found.cost <= least * (1.0 + 1e-5)) {
+                let ts: Vec<f64> = tmap.residuals(&problem).map(|r| r.map_or(99.0, |r| r.abs() / noise)).collect();
+                let mut text = format!("{layout:?} {views}x{landmarks} {seed}: {:.3} {least:.3}: ", found.cost);
+                for k in 0..ts.len() {
+                    let ours = found.residuals[k].map_or(99.0, |r| r.abs() / noise);
+                    if (ours <= 3.0) != (ts[k] <= 3.0) {
+                        text += &format!("({},{} {}{:.1}|{:.1}) ", k / landmarks, k % landmarks, if wrong[k] {"W "} else {""}, ours, ts[k]);
+                    }
+                }
+                eprintln!("{text}");
+            }
+            (found.cost, found.inliers)
+        }
         Err(_) => (f64::INFINITY, vec![false; wrong.len()]),
     };
     let success = cost <= least * (1.0 + 1e-5) + 1e-12;
@@ -124,7 +137,7 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
 }
 
 /// The bounded cost that the truth leads to.
-fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
+fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> (f64, Map<f64>) {
     let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
     let all = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
     let mut map: Map<f64> = scene.map();
@@ -152,9 +165,9 @@ fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
         }
         kept = next;
     }
-    squares(&all, &map, noise)
+    (squares(&all, &map, noise)
         .map(|square| 0.5 * square.min(OUTLIER * OUTLIER))
-        .sum()
+        .sum(), map)
 }
 
 fn squares(problem: &Problem<f64>, map: &Map<f64>, noise: f64) -> impl Iterator<Item = f64> {

@@ -4,6 +4,7 @@
 mod bundle;
 mod cholesky;
 mod descent;
+mod leverage;
 mod linearized;
 mod map;
 mod newton;
@@ -13,6 +14,7 @@ mod schur;
 mod sensitivity;
 mod variances;
 
+pub(crate) use leverage::leverages;
 pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::{Map, Subject, Undetermined, Why};
 pub use problem::{Problem, Seen, Sighting};

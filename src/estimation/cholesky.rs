@@ -96,6 +96,18 @@ pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
     }
 }
 
+/// The form `x^T A^-1 x` from the factor of [`factorize`]; `x`, which is zero before `begin`, is used up.
+pub fn inverse_form<T: Real>(factor: &[T], x: &mut [T], begin: usize) -> T {
+    let n = x.len();
+    let mut sum = T::zero();
+    for i in begin..n {
+        let row = &factor[i * n..][..=i];
+        x[i] = (x[i] - dot(&row[begin..i], &x[begin..i])) * row[i];
+        sum += x[i] * x[i];
+    }
+    sum
+}
+
 /// The diagonal of the inverse of the matrix, from the factor of [`factorize`].
 pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
     let mut column = vec![T::zero(); n];
@@ -150,6 +162,10 @@ mod tests {
             let error = (DVector::from_vec(x) - &expected).norm();
             assert!(error < 1e-11 * expected.norm(), "{error:e}");
             let inverse = a.clone().cholesky().unwrap().inverse();
+            let mut unit = vec![0.0; n];
+            unit[n / 2] = 2.0;
+            let form = inverse_form(&matrix, &mut unit, n / 2);
+            assert!((form - 4.0 * inverse[(n / 2, n / 2)]).abs() < 1e-11 * form, "{form}");
             for (k, found) in inverse_diagonal(&matrix, n).into_iter().enumerate() {
                 let expected = inverse[(k, k)];
                 assert!((found - expected).abs() < 1e-11 * expected, "{k}");

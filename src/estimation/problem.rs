@@ -206,11 +206,12 @@ impl<T: Real> Problem<T> {
         &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
     }
 
-    /// The problem of some of the sightings, by their place in [`Problem::sightings`]; views and
-    /// landmarks keep their numbers. Input indices refer to the sightings of this problem.
+    /// The problem of some of the sightings, by their place in [`Problem::sightings`], as if they were
+    /// the input; views and landmarks keep their numbers.
     pub(crate) fn subset(&self, keep: &[bool]) -> Self {
-        let input: Vec<usize> = (0..self.sightings.len()).filter(|&k| keep[k]).collect();
-        let sightings = input.iter().map(|&k| self.sightings[k]).collect();
+        let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
+        let sightings: Vec<Seen<T>> = kept.map(|(seen, _)| *seen).collect();
+        let input = (0..sightings.len()).collect();
         Self::index(self.views(), self.landmarks, sightings, input)
     }
 

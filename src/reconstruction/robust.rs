@@ -152,6 +152,7 @@ fn finish<T: Real>(
         let cost = best.cost;
         best = settle::exchange(problem, best, &options.refine)?;
         best = settle::replace(problem, best, &options.refine, random)?;
+        best = settle::relocate(problem, best, &options.refine, random)?;
         if !(best.cost < cost) {
             break;
         }

@@ -8,7 +8,9 @@
 use super::objective::{OUTLIER, cost, inliers, squares};
 use super::place::{place_landmark, place_view};
 use crate::error::Error;
-use crate::estimation::{Map, Problem, RefineOptions, Report, Termination, refine_map};
+use crate::estimation::{
+    Map, Problem, RefineOptions, Report, Termination, leverages, refine_map,
+};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
@@ -25,8 +27,14 @@ const CHANGES: usize = 30;
 /// Most rounds of moving views and landmarks, and of changing single sightings.
 const ROUNDS: usize = 10;
 
-/// A sighting is tried on the other side of the bound when it is so near, in standard deviations.
-const NEAR: [f64; 2] = [1.5, 6.0];
+/// A sighting is tried on the other side of the bound when that is foreseen to raise twice the cost by
+/// no more than this, which is within the error of the forecast; and so many of them at a time.
+const PROMISING: f64 = 4.0;
+const TRIED: usize = 16;
+const EXCHANGES: usize = 20;
+
+/// Bounds within which views and landmarks are placed anew.
+const RELOCATING: [f64; 2] = [6.0, 9.0];
 
 /// A cost is lower when it is by more than this part.
 const LOWER: f64 = 1.0 - 1e-9;
@@ -158,7 +166,10 @@ pub fn replace<T: Real>(
     Ok(best)
 }
 
-/// Tries sightings near the bound on its other side, as long as that lowers the cost.
+/// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
+///
+/// The residual that a sighting would have on the other side follows from its leverage, (T25); those
+/// that promise most are tried.
 ///
 /// # Errors
 /// As [`descend`].
@@ -167,30 +178,83 @@ pub fn exchange<T: Real>(
     mut best: Settled<T>,
     options: &RefineOptions<T>,
 ) -> Result<Settled<T>, Error> {
-    let [low, high] = NEAR.map(|bound| bound * bound);
-    for _ in 0..ROUNDS {
-        let edge = OUTLIER * OUTLIER;
-        let mut near: Vec<(f64, usize)> = squares(problem, &best.map)
-            .enumerate()
-            .filter_map(|(k, square)| Some((square?.as_f64(), k)))
-            .filter(|(square, _)| (low..high).contains(square))
-            .map(|(square, k)| ((square - edge).abs(), k))
-            .collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut lower = false;
-        for (_, k) in near {
+    for _ in 0..EXCHANGES {
+        let mut lower = None;
+        for k in promising(problem, &best) {
             let mut kept = best.inliers.clone();
             kept[k] = !kept[k];
-            if let Some(found) = fixed_point(problem, best.map.clone(), kept, options)?
-                && found.cost < best.cost * T::lit(LOWER)
-            {
-                best = found;
-                lower = true;
+            lower = fixed_point(problem, best.map.clone(), kept, options)?
+                .filter(|found| found.cost < best.cost * T::lit(LOWER));
+            if lower.is_some() {
                 break;
             }
         }
-        if !lower {
-            break;
+        match lower {
+            Some(found) => best = found,
+            None => break,
+        }
+    }
+    Ok(best)
+}
+
+/// The sightings whose change of sides may lower the cost, the most promising first.
+fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<usize> {
+    let all = problem.sightings().len();
+    let leverages = leverages(problem, &best.map, &best.inliers)
+        .unwrap_or_else(|| alloc::vec![Some(T::zero()); all]);
+    let most = T::lit(OUTLIER * OUTLIER);
+    let mut found: Vec<(f64, usize)> = squares(problem, &best.map)
+        .zip(leverages)
+        .zip(&best.inliers)
+        .enumerate()
+        .filter_map(|(k, ((square, leverage), inlier))| {
+            let (square, leverage) = (square?, leverage?);
+            let change = if *inlier {
+                most - square / (T::one() - leverage).max(T::eps())
+            } else {
+                square / (T::one() + leverage) - most
+            };
+            Some((change.as_f64(), k))
+        })
+        .filter(|(change, _)| *change < PROMISING)
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(TRIED);
+    found.into_iter().map(|(_, k)| k).collect()
+}
+
+/// Puts single views and landmarks where more agrees with them within wider bounds, and follows the map
+/// from there, as long as that lowers the cost.
+///
+/// # Errors
+/// As [`descend`].
+pub fn relocate<T: Real>(
+    problem: &Problem<T>,
+    mut best: Settled<T>,
+    options: &RefineOptions<T>,
+    random: &mut ChaCha8Rng,
+) -> Result<Settled<T>, Error> {
+    for bound in RELOCATING {
+        for block in 0..problem.views() + problem.landmarks() {
+            let mut map = best.map.clone();
+            if let Some(landmark) = block.checked_sub(problem.views()) {
+                map.landmarks[landmark] = None;
+                map.landmarks[landmark] =
+                    place_landmark(problem, &map, landmark, bound, random).map(|found| found.place);
+            } else {
+                map.poses[block] = None;
+                map.poses[block] =
+                    place_view(problem, &map, block, bound, random).map(|found| found.place);
+            }
+            if inliers(problem, &map, bound) == inliers(problem, &best.map, bound) {
+                continue;
+            }
+            descend(problem, &mut map, bound, ITERATIONS, options)?;
+            if let Some(found) = settle(problem, map, options)?
+                && found.cost < best.cost * T::lit(LOWER)
+            {
+                best = found;
+            }
         }
     }
     Ok(best)
