@@ -41,7 +41,10 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|");
     let only: Option<f64> = numbers.next().map(|percent: u64| percent as f64 / 100.0);
-    for share in SHARES.into_iter().filter(|share| only.is_none_or(|only| only == *share)) {
+    for share in SHARES
+        .into_iter()
+        .filter(|share| only.is_none_or(|only| only == *share))
+    {
         for layout in [Layout::Mixed, Layout::Enclosed] {
             for (views, landmarks) in SIZES {
                 let cell = Cell {
@@ -90,8 +93,7 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
         landmarks,
         noise,
     } = *cell;
-    let clean =
-        simulate(layout, views, landmarks, noise, seed, Arena::default()).expect("a scene");
+    let clean = simulate(layout, views, landmarks, noise, seed, Arena::default()).expect("a scene");
     let (scene, wrong) = clean.contaminate(share, seed);
     let problem = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
     let options = SolveOptions {
@@ -105,12 +107,25 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
     let (cost, inliers) = match found {
         Ok(found) => {
             if std::env::var("DIFF").is_ok() && !(found.cost <= least * (1.0 + 1e-5)) {
-                let ts: Vec<f64> = tmap.residuals(&problem).map(|r| r.map_or(99.0, |r| r.abs() / noise)).collect();
-                let mut text = format!("{layout:?} {views}x{landmarks} {seed}: {:.3} {least:.3}: ", found.cost);
+                let ts: Vec<f64> = tmap
+                    .residuals(&problem)
+                    .map(|r| r.map_or(99.0, |r| r.abs() / noise))
+                    .collect();
+                let mut text = format!(
+                    "{layout:?} {views}x{landmarks} {seed}: {:.3} {least:.3}: ",
+                    found.cost
+                );
                 for k in 0..ts.len() {
                     let ours = found.residuals[k].map_or(99.0, |r| r.abs() / noise);
                     if (ours <= 3.0) != (ts[k] <= 3.0) {
-                        text += &format!("({},{} {}{:.1}|{:.1}) ", k / landmarks, k % landmarks, if wrong[k] {"W "} else {""}, ours, ts[k]);
+                        text += &format!(
+                            "({},{} {}{:.1}|{:.1}) ",
+                            k / landmarks,
+                            k % landmarks,
+                            if wrong[k] { "W " } else { "" },
+                            ours,
+                            ts[k]
+                        );
                     }
                 }
                 eprintln!("{text}");
@@ -165,9 +180,12 @@ fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> (f64, Map<f64>) {
         }
         kept = next;
     }
-    (squares(&all, &map, noise)
-        .map(|square| 0.5 * square.min(OUTLIER * OUTLIER))
-        .sum(), map)
+    (
+        squares(&all, &map, noise)
+            .map(|square| 0.5 * square.min(OUTLIER * OUTLIER))
+            .sum(),
+        map,
+    )
 }
 
 fn squares(problem: &Problem<f64>, map: &Map<f64>, noise: f64) -> impl Iterator<Item = f64> {

@@ -4,7 +4,7 @@
 mod bundle;
 mod cholesky;
 mod descent;
-mod leverage;
+mod influence;
 mod linearized;
 mod map;
 mod newton;
@@ -14,7 +14,7 @@ mod schur;
 mod sensitivity;
 mod variances;
 
-pub(crate) use leverage::leverages;
+pub(crate) use influence::Influence;
 pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::{Map, Subject, Undetermined, Why};
 pub use problem::{Problem, Seen, Sighting};

@@ -81,7 +81,10 @@ impl fmt::Display for Why {
                 "has {got} sightings to the determined part of the map, needs {needed}"
             ),
             Self::TooFewInliers { got, needed } => {
-                write!(f, "has {got} sightings that are no outliers, needs {needed}")
+                write!(
+                    f,
+                    "has {got} sightings that are no outliers, needs {needed}"
+                )
             }
             Self::NoStart => write!(f, "the start has no value for it"),
             Self::Degenerate => write!(f, "its sightings do not fix it"),

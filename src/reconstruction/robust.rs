@@ -84,11 +84,10 @@ fn search<T: Real>(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Settled<T>, Error> {
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let commons: Vec<Common<T>> =
-        triples::draw(problem, sample::SAMPLE, TRIPLES, options.seed)
-            .into_iter()
-            .map(|views| Common::new(problem, views))
-            .collect();
+    let commons: Vec<Common<T>> = triples::draw(problem, sample::SAMPLE, TRIPLES, options.seed)
+        .into_iter()
+        .map(|views| Common::new(problem, views))
+        .collect();
     let mut found: Vec<(Settled<T>, [usize; 3])> = Vec::new();
     'rounds: for round in 0..ROUNDS {
         if !tell(progress, "sample", round, ROUNDS) {
@@ -111,9 +110,9 @@ fn search<T: Real>(
                 let settled = settle::replace(problem, settled, &options.refine, &mut random)?;
                 let confirmed = found.iter().all(|(other, _)| {
                     other.cost >= settled.cost || other.agrees(&settled, CONFIRMS)
-                }) && found.iter().any(|(other, views)| {
-                    *views != seed.views && other.agrees(&settled, CONFIRMS)
-                });
+                }) && found
+                    .iter()
+                    .any(|(other, views)| *views != seed.views && other.agrees(&settled, CONFIRMS));
                 found.push((settled, seed.views));
                 if confirmed {
                     break 'rounds;

@@ -82,7 +82,11 @@ impl Scene {
 }
 
 /// A share of a number, rounded.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and all")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "between 0 and all"
+)]
 fn share_of(share: f64, all: usize) -> usize {
     (share.clamp(0.0, 1.0) * all as f64 + 0.5) as usize
 }

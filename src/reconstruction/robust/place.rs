@@ -30,11 +30,7 @@ pub struct Placed<P, T: Real> {
 
 /// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than
 /// [`SETS`].
-fn sets<const N: usize>(
-    count: usize,
-    random: &mut ChaCha8Rng,
-    mut visit: impl FnMut([usize; N]),
-) {
+fn sets<const N: usize>(count: usize, random: &mut ChaCha8Rng, mut visit: impl FnMut([usize; N])) {
     if count < N {
         return;
     }
@@ -128,11 +124,15 @@ pub fn place_landmark<T: Real>(
         rays.iter().map(move |(pose, s)| square(s, pose, &point))
     };
     let mut best = Best::new(bound, map.landmarks[landmark], &squares);
-    sets(rays.len(), random, |[i, j]: [usize; MIN_VIEWS_OF_LANDMARK]| {
-        if let Some(point) = crossing(&rays[i], &rays[j]) {
-            best.offer(point, &squares);
-        }
-    });
+    sets(
+        rays.len(),
+        random,
+        |[i, j]: [usize; MIN_VIEWS_OF_LANDMARK]| {
+            if let Some(point) = crossing(&rays[i], &rays[j]) {
+                best.offer(point, &squares);
+            }
+        },
+    );
     best.improve(&squares, |agreeing| {
         let agreeing = agreeing.iter().map(|&k| (rays[k].0, rays[k].1.bearing));
         triangulate(agreeing).ok().map(|found| found.point)
@@ -162,11 +162,7 @@ struct Best<P, T: Real> {
 }
 
 impl<P: Copy, T: Real> Best<P, T> {
-    fn new<I: Iterator<Item = T>>(
-        bound: f64,
-        place: Option<P>,
-        squares: impl Fn(&P) -> I,
-    ) -> Self {
+    fn new<I: Iterator<Item = T>>(bound: f64, place: Option<P>, squares: impl Fn(&P) -> I) -> Self {
         let mut best = Self {
             bound,
             place: None,

@@ -82,9 +82,8 @@ impl<T: Real> Common<T> {
     /// The landmarks that agree with a tensor.
     fn agreeing(&self, tensor: &CalibratedTensor<T>, bound: f64) -> impl Iterator<Item = usize> {
         let most = T::lit(bound * bound);
-        (0..self.triples.len()).filter(move |&k| {
-            tensor.sampson_square(&self.triples[k], &self.variances[k]) <= most
-        })
+        (0..self.triples.len())
+            .filter(move |&k| tensor.sampson_square(&self.triples[k], &self.variances[k]) <= most)
     }
 
     /// The best of some random samples, estimated anew from all landmarks that agree.

@@ -8,9 +8,7 @@
 use super::objective::{OUTLIER, cost, inliers, squares};
 use super::place::{place_landmark, place_view};
 use crate::error::Error;
-use crate::estimation::{
-    Map, Problem, RefineOptions, Report, Termination, leverages, refine_map,
-};
+use crate::estimation::{Influence, Map, Problem, RefineOptions, Report, Termination, refine_map};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
@@ -180,9 +178,11 @@ pub fn exchange<T: Real>(
 ) -> Result<Settled<T>, Error> {
     for _ in 0..EXCHANGES {
         let mut lower = None;
-        for k in promising(problem, &best) {
+        for set in promising(problem, &best) {
             let mut kept = best.inliers.clone();
-            kept[k] = !kept[k];
+            for k in set {
+                kept[k] = !kept[k];
+            }
             lower = fixed_point(problem, best.map.clone(), kept, options)?
                 .filter(|found| found.cost < best.cost * T::lit(LOWER));
             if lower.is_some() {
@@ -197,30 +197,54 @@ pub fn exchange<T: Real>(
     Ok(best)
 }
 
-/// The sightings whose change of sides may lower the cost, the most promising first.
-fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<usize> {
-    let all = problem.sightings().len();
-    let leverages = leverages(problem, &best.map, &best.inliers)
-        .unwrap_or_else(|| alloc::vec![Some(T::zero()); all]);
+/// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
+fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>> {
+    let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
+        return Vec::new();
+    };
     let most = T::lit(OUTLIER * OUTLIER);
-    let mut found: Vec<(f64, usize)> = squares(problem, &best.map)
-        .zip(leverages)
-        .zip(&best.inliers)
+    // Adding has the sign 1, leaving out -1.
+    let sign = |k: usize| if best.inliers[k] { -T::one() } else { T::one() };
+    let change = |sign: T, residual: T, leverage: T| {
+        let spread = (T::one() + sign * leverage).max(T::eps());
+        sign * (residual * residual / spread - most)
+    };
+    let single: Vec<(usize, T, T, T)> = influence
+        .residuals
+        .iter()
         .enumerate()
-        .filter_map(|(k, ((square, leverage), inlier))| {
-            let (square, leverage) = (square?, leverage?);
-            let change = if *inlier {
-                most - square / (T::one() - leverage).max(T::eps())
-            } else {
-                square / (T::one() + leverage) - most
-            };
-            Some((change.as_f64(), k))
+        .filter_map(|(k, residual)| {
+            let (residual, leverage) = ((*residual)?, influence.between(k, k));
+            Some((k, residual, leverage, change(sign(k), residual, leverage)))
         })
-        .filter(|(change, _)| *change < PROMISING)
         .collect();
+    let worth = T::lit(PROMISING);
+    let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
+    for &(k, residual, leverage, alone) in &single {
+        if alone < worth {
+            found.push((alone.as_f64(), alloc::vec![k]));
+        }
+        // An inlier can only be missed by what it costs as an outlier; others may be anything.
+        if alone > most {
+            continue;
+        }
+        let spread = (T::one() + sign(k) * leverage).max(T::eps());
+        for &(l, other, other_leverage, _) in &single {
+            if l == k || best.inliers[l] {
+                continue;
+            }
+            let tie = influence.between(k, l) * sign(k) / spread;
+            let residual_then = other - tie * residual;
+            let leverage_then = other_leverage - tie * influence.between(k, l);
+            let both = alone + change(T::one(), residual_then, leverage_then);
+            if both < worth && both < alone {
+                found.push((both.as_f64(), alloc::vec![k, l]));
+            }
+        }
+    }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found.truncate(TRIED);
-    found.into_iter().map(|(_, k)| k).collect()
+    found.into_iter().map(|(_, set)| set).collect()
 }
 
 /// Puts single views and landmarks where more agrees with them within wider bounds, and follows the map
