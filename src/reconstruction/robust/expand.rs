@@ -41,16 +41,19 @@ pub fn expand<T: Real>(
     }
     for &landmark in &seed.landmarks {
         map.landmarks[landmark] =
-            place_landmark(problem, &map, landmark, GROWING, random).map(|found| found.place);
+            first(place_landmark(problem, &map, landmark, GROWING, 1, random))
+                .map(|found| found.place);
     }
     loop {
         let mut found: Vec<(usize, usize, Pose<T>)> = Vec::new();
         for view in 0..problem.views() {
             if map.poses[view].is_none()
-                && let Some(placed) = place_view(problem, &map, view, GROWING, random)
-                && placed.agreeing >= AGREEING_OF_VIEW
+                && let Some(placed) = first(place_view(problem, &map, view, GROWING, 1, random))
             {
-                found.push((placed.agreeing, view, placed.place));
+                let agreeing = placed.agreeing.iter().filter(|agrees| **agrees).count();
+                if agreeing >= AGREEING_OF_VIEW {
+                    found.push((agreeing, view, placed.place));
+                }
             }
         }
         if found.is_empty() {
@@ -62,13 +65,19 @@ pub fn expand<T: Real>(
             map.poses[view] = Some(pose);
         }
         for landmark in 0..problem.landmarks() {
-            if let Some(placed) = place_landmark(problem, &map, landmark, GROWING, random) {
+            if let Some(placed) = first(place_landmark(problem, &map, landmark, GROWING, 1, random))
+            {
                 let known = map.landmarks[landmark].is_some();
-                if known || placed.agreeing >= AGREEING_OF_LANDMARK {
+                let agreeing = placed.agreeing.iter().filter(|agrees| **agrees).count();
+                if known || agreeing >= AGREEING_OF_LANDMARK {
                     map.landmarks[landmark] = Some(placed.place);
                 }
             }
         }
         descend(problem, &mut map, GROWING, ITERATIONS, options)?;
     }
+}
+
+fn first<P>(places: Vec<P>) -> Option<P> {
+    places.into_iter().next()
 }

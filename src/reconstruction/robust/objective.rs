@@ -50,26 +50,3 @@ pub fn inliers<T: Real>(problem: &Problem<T>, map: &Map<T>, bound: f64) -> Vec<b
         .map(|square| square.is_some_and(|square| square <= most))
         .collect()
 }
-
-/// Sum of bounded squares over some sightings, given up once it exceeds `limit`, and how many are
-/// within the bound.
-pub fn tally<T: Real>(
-    squares: impl Iterator<Item = T>,
-    bound: f64,
-    limit: T,
-) -> Option<(T, usize)> {
-    let most = T::lit(bound * bound);
-    let (mut sum, mut count) = (T::zero(), 0);
-    for square in squares {
-        if square <= most {
-            sum += square;
-            count += 1;
-        } else {
-            sum += most;
-        }
-        if !(sum < limit) {
-            return None;
-        }
-    }
-    Some((sum, count))
-}

@@ -4,7 +4,7 @@
 //! The smallest sets of sightings that fix it are tried, three for a view and two for a landmark; the
 //! one with the least bounded cost is estimated anew from all that agrees with it.
 
-use super::objective::{square, tally};
+use super::objective::square;
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
@@ -21,11 +21,13 @@ const SETS: usize = 64;
 /// Rounds of estimation from all that agrees.
 const ROUNDS: usize = 3;
 
-/// A place, its bounded cost and how many sightings agree with it.
+/// A place for a view or a landmark.
 pub struct Placed<P, T: Real> {
     pub place: P,
+    /// The sum of the squares of its sightings, none of which counts for more than that of the bound.
     pub cost: T,
-    pub agreeing: usize,
+    /// Which of its sightings agree with it, among those whose other end is in the map.
+    pub agreeing: Vec<bool>,
 }
 
 /// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than
@@ -66,48 +68,55 @@ fn sets<const N: usize>(count: usize, random: &mut ChaCha8Rng, mut visit: impl F
     }
 }
 
-/// The pose of a view, bounded squares of `bound` standard deviations; no worse than the one it has.
+/// Up to `count` poses of a view with which different sightings agree to within `bound` standard
+/// deviations, the best first. The pose that it has is one to start with.
 ///
-/// `None` when it sees fewer than three landmarks of the map.
+/// None when it sees fewer than three landmarks of the map.
 pub fn place_view<T: Real>(
     problem: &Problem<T>,
     map: &Map<T>,
     view: usize,
     bound: f64,
+    count: usize,
     random: &mut ChaCha8Rng,
-) -> Option<Placed<Pose<T>, T>> {
+) -> Vec<Placed<Pose<T>, T>> {
     let seen: Vec<(Point2<T>, Seen<T>)> = problem
         .of_view(view)
         .iter()
         .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
         .collect();
     if seen.len() < MIN_LANDMARKS_OF_VIEW {
-        return None;
+        return Vec::new();
     }
     let squares = |pose: &Pose<T>| {
         let pose = *pose;
         seen.iter().map(move |(point, s)| square(s, &pose, point))
     };
-    let mut best = Best::new(bound, map.poses[view], &squares);
+    let mut best = Best::new(bound, count, &squares);
+    if let Some(pose) = map.poses[view] {
+        best.offer(pose);
+    }
     sets(seen.len(), random, |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
         if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
-            best.offer(found.pose, &squares);
+            best.offer(found.pose);
         }
     });
-    best.improve(&squares, |agreeing| {
-        let agreeing = agreeing.iter().map(|&k| (seen[k].0, seen[k].1.bearing));
+    best.improved(|agreeing| {
+        let agreeing = seen.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
+        let agreeing = agreeing.map(|((point, s), _)| (*point, s.bearing));
         resect(agreeing).ok().map(|found| found.pose)
     })
 }
 
-/// The position of a landmark, as [`place_view`].
+/// Positions of a landmark, as [`place_view`].
 pub fn place_landmark<T: Real>(
     problem: &Problem<T>,
     map: &Map<T>,
     landmark: usize,
     bound: f64,
+    count: usize,
     random: &mut ChaCha8Rng,
-) -> Option<Placed<Point2<T>, T>> {
+) -> Vec<Placed<Point2<T>, T>> {
     let rays: Vec<(Pose<T>, Seen<T>)> = problem
         .of_landmark(landmark)
         .iter()
@@ -117,96 +126,109 @@ pub fn place_landmark<T: Real>(
         })
         .collect();
     if rays.len() < MIN_VIEWS_OF_LANDMARK {
-        return None;
+        return Vec::new();
     }
     let squares = |point: &Point2<T>| {
         let point = *point;
         rays.iter().map(move |(pose, s)| square(s, pose, &point))
     };
-    let mut best = Best::new(bound, map.landmarks[landmark], &squares);
-    sets(
-        rays.len(),
-        random,
-        |[i, j]: [usize; MIN_VIEWS_OF_LANDMARK]| {
-            if let Some(point) = crossing(&rays[i], &rays[j]) {
-                best.offer(point, &squares);
-            }
-        },
-    );
-    best.improve(&squares, |agreeing| {
-        let agreeing = agreeing.iter().map(|&k| (rays[k].0, rays[k].1.bearing));
+    let mut best = Best::new(bound, count, &squares);
+    if let Some(point) = map.landmarks[landmark] {
+        best.offer(point);
+    }
+    sets(rays.len(), random, |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
+        if let Some(point) = crossing(set.map(|k| &rays[k])) {
+            best.offer(point);
+        }
+    });
+    best.improved(|agreeing| {
+        let agreeing = rays.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
+        let agreeing = agreeing.map(|((pose, s), _)| (*pose, s.bearing));
         triangulate(agreeing).ok().map(|found| found.point)
     })
 }
 
 /// Where two lines of sight cross; `None` when they are parallel.
-fn crossing<T: Real>(a: &(Pose<T>, Seen<T>), b: &(Pose<T>, Seen<T>)) -> Option<Point2<T>> {
-    let ray = |(pose, s): &(Pose<T>, Seen<T>)| pose.rotation.into_inner() * s.bearing.into_inner();
+fn crossing<T: Real>(rays: [&(Pose<T>, Seen<T>); 2]) -> Option<Point2<T>> {
     let cross = |a: Complex<T>, b: Complex<T>| a.re * b.im - a.im * b.re;
-    let (u, v) = (ray(a), ray(b));
-    let offset = b.0.translation.vector - a.0.translation.vector;
+    let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
+    let [from, to] = rays.map(|(pose, _)| pose.translation.vector);
     let sine = cross(u, v);
     (sine.abs() > T::eps()).then(|| {
-        let range = cross(Complex::new(offset.x, offset.y), v) / sine;
-        let origin = a.0.translation.vector;
-        Point2::new(origin.x + u.re * range, origin.y + u.im * range)
+        let range = cross(Complex::new(to.x - from.x, to.y - from.y), v) / sine;
+        Point2::new(from.x + u.re * range, from.y + u.im * range)
     })
 }
 
-/// The best place so far.
-struct Best<P, T: Real> {
-    bound: f64,
-    place: Option<P>,
-    cost: T,
-    agreeing: usize,
+/// The best places so far.
+struct Best<'a, P, T: Real, F> {
+    most: T,
+    count: usize,
+    squares: &'a F,
+    /// The best first.
+    places: Vec<Placed<P, T>>,
 }
 
-impl<P: Copy, T: Real> Best<P, T> {
-    fn new<I: Iterator<Item = T>>(bound: f64, place: Option<P>, squares: impl Fn(&P) -> I) -> Self {
-        let mut best = Self {
-            bound,
-            place: None,
-            cost: T::one() / T::zero(),
-            agreeing: 0,
+impl<'a, P: Copy, T: Real, F, I> Best<'a, P, T, F>
+where
+    F: Fn(&P) -> I,
+    I: Iterator<Item = T>,
+{
+    fn new(bound: f64, count: usize, squares: &'a F) -> Self {
+        Self {
+            most: T::lit(bound * bound),
+            count,
+            squares,
+            places: Vec::with_capacity(count + 1),
+        }
+    }
+
+    /// Takes a place that is among the best: of those with which the same sightings agree, the best one.
+    fn offer(&mut self, place: P) {
+        let limit = match self.places.get(self.count - 1) {
+            Some(last) => last.cost,
+            None => T::one() / T::zero(),
         };
-        if let Some(place) = place {
-            best.offer(place, squares);
-        }
-        best
-    }
-
-    /// Takes a place that is better; returns whether it is.
-    fn offer<I: Iterator<Item = T>>(&mut self, place: P, squares: impl Fn(&P) -> I) -> bool {
-        match tally(squares(&place), self.bound, self.cost) {
-            Some((cost, agreeing)) => {
-                (self.place, self.cost, self.agreeing) = (Some(place), cost, agreeing);
-                true
+        let mut cost = T::zero();
+        for square in (self.squares)(&place) {
+            cost += square.min(self.most);
+            if !(cost < limit) {
+                return;
             }
-            None => false,
         }
+        let agreeing: Vec<bool> = (self.squares)(&place)
+            .map(|square| square <= self.most)
+            .collect();
+        if let Some(same) = self.places.iter().position(|p| p.agreeing == agreeing) {
+            if self.places[same].cost <= cost {
+                return;
+            }
+            self.places.remove(same);
+        }
+        let rank = self.places.partition_point(|p| p.cost <= cost);
+        self.places.insert(
+            rank,
+            Placed {
+                place,
+                cost,
+                agreeing,
+            },
+        );
+        self.places.truncate(self.count);
     }
 
-    /// Estimates the place anew from the sightings that agree with it, as long as it gets better.
-    fn improve<I: Iterator<Item = T>>(
-        mut self,
-        squares: impl Fn(&P) -> I,
-        estimate: impl Fn(&[usize]) -> Option<P>,
-    ) -> Option<Placed<P, T>> {
-        let most = T::lit(self.bound * self.bound);
-        let mut agreeing = Vec::new();
+    /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
+    fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P, T>> {
         for _ in 0..ROUNDS {
-            agreeing.clear();
-            let all = squares(self.place.as_ref()?).enumerate();
-            agreeing.extend(all.filter(|(_, square)| *square <= most).map(|(k, _)| k));
-            let better = estimate(&agreeing).is_some_and(|place| self.offer(place, &squares));
-            if !better {
-                break;
+            let better: Vec<P> = self
+                .places
+                .iter()
+                .filter_map(|placed| estimate(&placed.agreeing))
+                .collect();
+            for place in better {
+                self.offer(place);
             }
         }
-        Some(Placed {
-            place: self.place?,
-            cost: self.cost,
-            agreeing: self.agreeing,
-        })
+        self.places
     }
 }

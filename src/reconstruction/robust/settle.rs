@@ -5,8 +5,8 @@
 //! in a fixed point, of which there are many; so views, landmarks and single sightings are then tried
 //! otherwise, one at a time.
 
-use super::objective::{OUTLIER, cost, inliers, squares};
-use super::place::{place_landmark, place_view};
+use super::objective::{OUTLIER, cost, inliers};
+use super::place::{Placed, place_landmark, place_view};
 use crate::error::Error;
 use crate::estimation::{Influence, Map, Problem, RefineOptions, Report, Termination, refine_map};
 use crate::scalar::Real;
@@ -31,8 +31,12 @@ const PROMISING: f64 = 4.0;
 const TRIED: usize = 16;
 const EXCHANGES: usize = 20;
 
-/// Bounds within which views and landmarks are placed anew.
-const RELOCATING: [f64; 2] = [6.0, 9.0];
+/// Bounds within which views and landmarks are placed anew, how many places of each are looked at, by
+/// how many outliers they may be worse as long as nothing else moves, and how many are tried.
+const RELOCATING: [f64; 3] = [3.0, 6.0, 9.0];
+const PLACES: usize = 4;
+const WORSE: f64 = 2.0;
+const RELOCATED: usize = 24;
 
 /// A cost is lower when it is by more than this part.
 const LOWER: f64 = 1.0 - 1e-9;
@@ -143,12 +147,14 @@ pub fn replace<T: Real>(
     for _ in 0..ROUNDS {
         let mut map = best.map.clone();
         for view in 0..problem.views() {
-            if let Some(placed) = place_view(problem, &map, view, OUTLIER, random) {
+            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first() {
                 map.poses[view] = Some(placed.place);
             }
         }
         for landmark in 0..problem.landmarks() {
-            if let Some(placed) = place_landmark(problem, &map, landmark, OUTLIER, random) {
+            if let Some(placed) =
+                place_landmark(problem, &map, landmark, OUTLIER, 1, random).first()
+            {
                 map.landmarks[landmark] = Some(placed.place);
             }
         }
@@ -247,8 +253,8 @@ fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>
     found.into_iter().map(|(_, set)| set).collect()
 }
 
-/// Puts single views and landmarks where more agrees with them within wider bounds, and follows the map
-/// from there, as long as that lowers the cost.
+/// Puts single views and landmarks in other places and follows the map from there, as long as that
+/// lowers the cost.
 ///
 /// # Errors
 /// As [`descend`].
@@ -258,30 +264,76 @@ pub fn relocate<T: Real>(
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
 ) -> Result<Settled<T>, Error> {
-    for bound in RELOCATING {
-        for block in 0..problem.views() + problem.landmarks() {
-            let mut map = best.map.clone();
-            if let Some(landmark) = block.checked_sub(problem.views()) {
-                map.landmarks[landmark] = None;
-                map.landmarks[landmark] =
-                    place_landmark(problem, &map, landmark, bound, random).map(|found| found.place);
-            } else {
-                map.poses[block] = None;
-                map.poses[block] =
-                    place_view(problem, &map, block, bound, random).map(|found| found.place);
-            }
-            if inliers(problem, &map, bound) == inliers(problem, &best.map, bound) {
-                continue;
-            }
+    for _ in 0..ROUNDS {
+        let mut lower = None;
+        for (bound, mut map) in relocated(problem, &best.map, random) {
             descend(problem, &mut map, bound, ITERATIONS, options)?;
-            if let Some(found) = settle(problem, map, options)?
-                && found.cost < best.cost * T::lit(LOWER)
-            {
-                best = found;
+            lower = settle(problem, map, options)?
+                .filter(|found| found.cost < best.cost * T::lit(LOWER));
+            if lower.is_some() {
+                break;
             }
+        }
+        match lower {
+            Some(found) => best = found,
+            None => break,
         }
     }
     Ok(best)
+}
+
+/// Maps that differ from a map in the place of one view or landmark, and the bound within which other
+/// sightings agree with it there; the most promising first.
+fn relocated<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    random: &mut ChaCha8Rng,
+) -> Vec<(f64, Map<T>)> {
+    let mut found: Vec<(f64, f64, Map<T>)> = Vec::new();
+    for bound in RELOCATING {
+        let most = bound * bound;
+        for view in 0..problem.views() {
+            let places = place_view(problem, map, view, bound, PLACES, random);
+            for (change, place) in others(places, map.poses[view].as_ref(), most) {
+                let mut map = map.clone();
+                map.poses[view] = Some(place);
+                found.push((change, bound, map));
+            }
+        }
+        for landmark in 0..problem.landmarks() {
+            let places = place_landmark(problem, map, landmark, bound, PLACES, random);
+            for (change, place) in others(places, map.landmarks[landmark].as_ref(), most) {
+                let mut map = map.clone();
+                map.landmarks[landmark] = Some(place);
+                found.push((change, bound, map));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(RELOCATED);
+    found
+        .into_iter()
+        .map(|(_, bound, map)| (bound, map))
+        .collect()
+}
+
+/// Places other than the present one, and by how many outliers they are worse, if not by too many.
+fn others<P: Copy + PartialEq, T: Real>(
+    places: Vec<Placed<P, T>>,
+    present: Option<&P>,
+    most: f64,
+) -> Vec<(f64, P)> {
+    let cost = |placed: &Placed<P, T>| placed.cost.as_f64() / most;
+    let now = places
+        .iter()
+        .find(|placed| Some(&placed.place) == present)
+        .map_or_else(|| places.first().map_or(0.0, cost), cost);
+    places
+        .iter()
+        .filter(|placed| Some(&placed.place) != present)
+        .map(|placed| (cost(placed) - now, placed.place))
+        .filter(|(change, _)| *change < WORSE)
+        .collect()
 }
 
 impl<T: Real> Settled<T> {
