@@ -40,24 +40,24 @@ pub fn expand<T: Real>(
         map.poses[view] = Some(pose);
     }
     for &landmark in &seed.landmarks {
-        map.landmarks[landmark] =
-            first(place_landmark(problem, &map, landmark, GROWING, 1, random))
-                .map(|found| found.place);
+        map.landmarks[landmark] = place_landmark(problem, &map, landmark, GROWING, 1, random)
+            .first()
+            .map(|found| found.place);
     }
-    loop {
+    // At least one view more each time, unless the refinement has thrown it out again.
+    for _ in 0..problem.views() {
         let mut found: Vec<(usize, usize, Pose<T>)> = Vec::new();
         for view in 0..problem.views() {
             if map.poses[view].is_none()
-                && let Some(placed) = first(place_view(problem, &map, view, GROWING, 1, random))
+                && let Some(placed) = place_view(problem, &map, view, GROWING, 1, random).first()
             {
-                let agreeing = placed.agreeing.iter().filter(|agrees| **agrees).count();
-                if agreeing >= AGREEING_OF_VIEW {
-                    found.push((agreeing, view, placed.place));
+                if placed.count() >= AGREEING_OF_VIEW {
+                    found.push((placed.count(), view, placed.place));
                 }
             }
         }
         if found.is_empty() {
-            return Ok(map);
+            break;
         }
         found.sort_by_key(|&(agreeing, view, _)| (core::cmp::Reverse(agreeing), view));
         let placed = map.poses.iter().flatten().count();
@@ -65,19 +65,16 @@ pub fn expand<T: Real>(
             map.poses[view] = Some(pose);
         }
         for landmark in 0..problem.landmarks() {
-            if let Some(placed) = first(place_landmark(problem, &map, landmark, GROWING, 1, random))
+            if let Some(placed) =
+                place_landmark(problem, &map, landmark, GROWING, 1, random).first()
             {
                 let known = map.landmarks[landmark].is_some();
-                let agreeing = placed.agreeing.iter().filter(|agrees| **agrees).count();
-                if known || agreeing >= AGREEING_OF_LANDMARK {
+                if known || placed.count() >= AGREEING_OF_LANDMARK {
                     map.landmarks[landmark] = Some(placed.place);
                 }
             }
         }
         descend(problem, &mut map, GROWING, ITERATIONS, options)?;
     }
-}
-
-fn first<P>(places: Vec<P>) -> Option<P> {
-    places.into_iter().next()
+    Ok(map)
 }

@@ -18,6 +18,9 @@ use rand_chacha::ChaCha8Rng;
 /// miss them all once in 5000.
 const SETS: usize = 64;
 
+/// Agreeing sightings that two places may share by chance beyond those that fix them.
+const DOUBT: usize = 2;
+
 /// Rounds of estimation from all that agrees.
 const ROUNDS: usize = 3;
 
@@ -28,6 +31,15 @@ pub struct Placed<P, T: Real> {
     pub cost: T,
     /// Which of its sightings agree with it, among those whose other end is in the map.
     pub agreeing: Vec<bool>,
+    /// Whether it has been there all the time.
+    pub present: bool,
+}
+
+impl<P, T: Real> Placed<P, T> {
+    /// How many sightings agree.
+    pub fn count(&self) -> usize {
+        self.agreeing.iter().filter(|agrees| **agrees).count()
+    }
 }
 
 /// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than
@@ -94,11 +106,14 @@ pub fn place_view<T: Real>(
     };
     let mut best = Best::new(bound, count, &squares);
     if let Some(pose) = map.poses[view] {
-        best.offer(pose);
+        best.offer(pose, true);
+        if best.is_beyond_doubt(seen.len(), MIN_LANDMARKS_OF_VIEW) {
+            return best.places;
+        }
     }
     sets(seen.len(), random, |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
         if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
-            best.offer(found.pose);
+            best.offer(found.pose, false);
         }
     });
     best.improved(|agreeing| {
@@ -134,11 +149,14 @@ pub fn place_landmark<T: Real>(
     };
     let mut best = Best::new(bound, count, &squares);
     if let Some(point) = map.landmarks[landmark] {
-        best.offer(point);
+        best.offer(point, true);
+        if best.is_beyond_doubt(rays.len(), MIN_VIEWS_OF_LANDMARK) {
+            return best.places;
+        }
     }
     sets(rays.len(), random, |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
         if let Some(point) = crossing(set.map(|k| &rays[k])) {
-            best.offer(point);
+            best.offer(point, false);
         }
     });
     best.improved(|agreeing| {
@@ -183,8 +201,9 @@ where
         }
     }
 
-    /// Takes a place that is among the best: of those with which the same sightings agree, the best one.
-    fn offer(&mut self, place: P) {
+    /// Takes a place that is among the best: of those with which the same sightings agree, the best one,
+    /// or the present one, which only the rest of the map can make better.
+    fn offer(&mut self, place: P, present: bool) {
         let limit = match self.places.get(self.count - 1) {
             Some(last) => last.cost,
             None => T::one() / T::zero(),
@@ -200,7 +219,7 @@ where
             .map(|square| square <= self.most)
             .collect();
         if let Some(same) = self.places.iter().position(|p| p.agreeing == agreeing) {
-            if self.places[same].cost <= cost {
+            if self.places[same].present || self.places[same].cost <= cost {
                 return;
             }
             self.places.remove(same);
@@ -212,9 +231,18 @@ where
                 place,
                 cost,
                 agreeing,
+                present,
             },
         );
         self.places.truncate(self.count);
+    }
+
+    /// Whether only the best place is asked for and so many of all sightings agree with the present one
+    /// that none could be better: those that agree with another are among the rest, but for about as
+    /// many as fix it.
+    fn is_beyond_doubt(&self, all: usize, fixing: usize) -> bool {
+        let present = self.places.first();
+        self.count == 1 && present.is_some_and(|present| 2 * present.count() > all + fixing + DOUBT)
     }
 
     /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
@@ -226,7 +254,7 @@ where
                 .filter_map(|placed| estimate(&placed.agreeing))
                 .collect();
             for place in better {
-                self.offer(place);
+                self.offer(place, false);
             }
         }
         self.places
