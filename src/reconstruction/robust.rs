@@ -57,6 +57,9 @@ const GOOD_SAMPLES: f64 = 30.0;
 /// Two maps confirm each other when they share so many in a hundred of their inliers.
 const CONFIRMS: usize = 95;
 
+/// The lowest minima in which sightings are exchanged before the best is chosen.
+const POLISHED: usize = 3;
+
 /// Another minimum is a rival when it costs no more than two outliers more.
 const RIVAL: f64 = objective::OUTLIER * objective::OUTLIER;
 
@@ -152,7 +155,7 @@ fn lowest<T: Real>(
                 let confirmed = confirms(&found, &settled, seed.views);
                 found.push((settled, seed.views));
                 if confirmed {
-                    return best_of(found.into_iter().map(|(settled, _)| settled));
+                    return polished(problem, found, options);
                 }
             }
         }
@@ -163,7 +166,24 @@ fn lowest<T: Real>(
             break;
         }
     }
-    best_of(found.into_iter().map(|(settled, _)| settled))
+    polished(problem, found, options)
+}
+
+/// The best of some minima, once sightings have been exchanged in the lowest few.
+fn polished<T: Real>(
+    problem: &Problem<T>,
+    found: Vec<(Settled<T>, [usize; 3])>,
+    options: &SolveOptions<T>,
+) -> Result<Settled<T>, Error> {
+    let mut found: Vec<Settled<T>> = found.into_iter().map(|(settled, _)| settled).collect();
+    found.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+    found.dedup_by(|a, b| a.inliers == b.inliers);
+    found.truncate(POLISHED);
+    let polished: Result<Vec<_>, Error> = found
+        .into_iter()
+        .map(|settled| exchange(problem, settled, &options.refine))
+        .collect();
+    best_of(polished?.into_iter())
 }
 
 /// Whether a minimum is as low as any, and another triple of views has led to nearly the same.

@@ -8,6 +8,7 @@ mod layers;
 mod properties;
 mod reference;
 mod refinement;
+mod robust;
 mod single;
 mod solve;
 #[cfg(feature = "rayon")]

@@ -14,7 +14,7 @@ use nalgebra::{Complex, Point2};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Most sets that are tried. When half of the sightings are wrong, one in eight threes is good, and 64
+/// Most sets that are tried for each place that is asked for. When half of the sightings are wrong, one in eight threes is good, and 64
 /// miss them all once in 5000.
 const SETS: usize = 64;
 
@@ -42,16 +42,20 @@ impl<P, T: Real> Placed<P, T> {
     }
 }
 
-/// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than
-/// [`SETS`].
-fn sets<const N: usize>(count: usize, random: &mut ChaCha8Rng, mut visit: impl FnMut([usize; N])) {
+/// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than `most`.
+fn sets<const N: usize>(
+    count: usize,
+    most: usize,
+    random: &mut ChaCha8Rng,
+    mut visit: impl FnMut([usize; N]),
+) {
     if count < N {
         return;
     }
     let all = (0..N).fold(1_usize, |product, k| {
         product.saturating_mul(count - k) / (k + 1)
     });
-    if all <= SETS {
+    if all <= most {
         let mut set: [usize; N] = core::array::from_fn(|k| k);
         loop {
             visit(set);
@@ -65,7 +69,7 @@ fn sets<const N: usize>(count: usize, random: &mut ChaCha8Rng, mut visit: impl F
             }
         }
     }
-    for _ in 0..SETS {
+    for _ in 0..most {
         let mut set = [0; N];
         for k in 0..N {
             // One of those that are left, counted past those that are taken.
@@ -111,11 +115,16 @@ pub fn place_view<T: Real>(
             return best.places;
         }
     }
-    sets(seen.len(), random, |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
-        if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
-            best.offer(found.pose, false);
-        }
-    });
+    sets(
+        seen.len(),
+        SETS * count,
+        random,
+        |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
+            if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
+                best.offer(found.pose, false);
+            }
+        },
+    );
     best.improved(|agreeing| {
         let agreeing = seen.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
         let agreeing = agreeing.map(|((point, s), _)| (*point, s.bearing));
@@ -154,11 +163,16 @@ pub fn place_landmark<T: Real>(
             return best.places;
         }
     }
-    sets(rays.len(), random, |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
-        if let Some(point) = crossing(set.map(|k| &rays[k])) {
-            best.offer(point, false);
-        }
-    });
+    sets(
+        rays.len(),
+        SETS * count,
+        random,
+        |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
+            if let Some(point) = crossing(set.map(|k| &rays[k])) {
+                best.offer(point, false);
+            }
+        },
+    );
     best.improved(|agreeing| {
         let agreeing = rays.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
         let agreeing = agreeing.map(|((pose, s), _)| (*pose, s.bearing));
