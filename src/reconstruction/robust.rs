@@ -21,13 +21,14 @@ use super::result::Reconstruction;
 use super::solve::{assess, solve};
 use super::{bounded, search, triples};
 use crate::error::Error;
-use crate::estimation::{Map, Problem, Undetermined, Why};
+use crate::estimation::{Map, Problem, Subject, Undetermined, Why};
 use crate::kernels::Motion;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
 use expand::expand;
+use objective::OUTLIER;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use relocate::{relocate, replace};
@@ -61,7 +62,7 @@ const CONFIRMS: usize = 95;
 const POLISHED: usize = 3;
 
 /// Another minimum is a rival when it costs no more than two outliers more.
-const RIVAL: f64 = objective::OUTLIER * objective::OUTLIER;
+const RIVAL: f64 = OUTLIER * OUTLIER;
 
 /// Plain hypotheses that are followed when no three views share enough landmarks for a sample.
 const PLAIN: usize = 6;
@@ -284,22 +285,25 @@ fn last_word<T: Real>(
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
     match solve(&kept, &plain, Some(&mut relay)) {
-        Ok(found) => {
-            for map in core::iter::once(&found)
-                .chain(&found.alternatives)
-                .map(|found| found.map.clone())
-            {
-                let inliers = best.inliers.clone();
-                all.extend(fixed_point(problem, map, inliers, &options.refine)?);
+        Ok(mut found) => {
+            let rivals = core::mem::take(&mut found.alternatives);
+            for found in core::iter::once(found).chain(rivals) {
+                if objective::inliers(problem, &found.map, OUTLIER) == best.inliers {
+                    all.push(Settled::of(problem, found));
+                } else {
+                    let inliers = best.inliers.clone();
+                    all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
+                }
             }
         }
         Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
         // What the plain search cannot solve may still have been found.
         Err(_) => {}
     }
-    // Behind those of the plain search, which win where they are the same.
-    all.push(best);
     all.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+    // Where they are the same, the map of the plain search is the one.
+    let first = all.first().is_none_or(|plain| best.is_below(plain));
+    all.insert(if first { 0 } else { all.len() }, best);
     let mut distinct: Vec<Settled<T>> = Vec::new();
     for settled in all {
         let limit = distinct.first().map(|best| best.cost + T::lit(RIVAL));
@@ -327,8 +331,14 @@ fn reconstruction<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Reconstru
         found.residuals[place] = residual;
         found.inliers[place] = *inlier;
     }
-    for Undetermined { why, .. } in &mut found.undetermined {
-        if let Why::TooFewSightings { got, needed } | Why::NotConnected { got, needed } = *why {
+    for Undetermined { subject, why } in &mut found.undetermined {
+        let all = match *subject {
+            Subject::View(view) => problem.of_view(view).len(),
+            Subject::Landmark(landmark) => problem.of_landmark(landmark).len(),
+        };
+        if let Why::TooFewSightings { got, needed } = *why
+            && all >= needed
+        {
             *why = Why::TooFewInliers { got, needed };
         }
     }

@@ -5,6 +5,7 @@
 //! refined map are those that it was refined to.
 
 use super::super::minima::same;
+use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions, Report, refine_map};
@@ -118,6 +119,21 @@ pub fn settle<T: Real>(
 }
 
 impl<T: Real> Settled<T> {
+    /// The result of a plain solve of the inliers of its map.
+    pub fn of(problem: &Problem<T>, found: Reconstruction<T>) -> Self {
+        Self {
+            inliers: inliers(problem, &found.map, OUTLIER),
+            cost: cost(problem, &found.map, OUTLIER),
+            report: Report {
+                cost: found.cost,
+                termination: found.termination,
+                iterations: found.iterations,
+                undetermined: found.undetermined,
+            },
+            map: found.map,
+        }
+    }
+
     /// Whether two fixed points are nearly the same: of the sightings that one of them explains, so
     /// many in a hundred are explained by both.
     pub fn agrees(&self, other: &Self, percent: usize) -> bool {
