@@ -50,10 +50,9 @@ pub fn expand<T: Real>(
         for view in 0..problem.views() {
             if map.poses[view].is_none()
                 && let Some(placed) = place_view(problem, &map, view, GROWING, 1, random).first()
+                && placed.count() >= AGREEING_OF_VIEW
             {
-                if placed.count() >= AGREEING_OF_VIEW {
-                    found.push((placed.count(), view, placed.place));
-                }
+                found.push((placed.count(), view, placed.place));
             }
         }
         if found.is_empty() {
