@@ -52,7 +52,9 @@ pub struct SolveOptions<T: Real> {
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
     /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
-    /// deviations of the bearings, for an outlier is what misses by more than three.
+    /// deviations of the bearings, for an outlier is what misses by more than three. The strategy is
+    /// that of the last look at the bearings that are left. [`initialize`](crate::initialize) takes no
+    /// notice.
     pub robust: bool,
 }
 
