@@ -2,9 +2,9 @@
 //! Time of every stage: `cargo bench --bench speed`.
 
 use bearslam::{
-    Arena, Bearing, Frame, Layout, Loss, Map, Method, Pose, Problem, Real, RefineOptions, Scene,
-    SolveOptions, Strategy, Triple, covariance, diagnose, initialize, refine_map, resect, simulate,
-    solve, three_view, triangulate,
+    Arena, Bearing, CalibratedTensor, Frame, Layout, Loss, Map, Method, Pose, Problem, Real,
+    RefineOptions, Scene, SolveOptions, Strategy, Triple, covariance, diagnose, initialize,
+    refine_map, resect, simulate, solve, three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use nalgebra::Point2;
@@ -278,6 +278,52 @@ fn diagnoses(criterion: &mut Criterion) {
     }
 }
 
+/// Half a degree of noise, a share of the bearings wrong.
+fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Problem<f64> {
+    let noise = 0.5_f64.to_radians();
+    let arena = Arena::default();
+    let scene = simulate(Layout::Mixed, views, landmarks, noise, seed, arena).expect("a scene");
+    let (scene, _) = scene.contaminate(share, seed);
+    Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem")
+}
+
+/// The stages of a robust solve that have a name outside, and the whole.
+fn robust(criterion: &mut Criterion) {
+    let sample: Vec<Triple<f64>> = triples(5, 3);
+    criterion.bench_function("robust/tensor of a sample", |bencher| {
+        bencher.iter(|| CalibratedTensor::estimate(black_box(&sample), 0));
+    });
+    let all: Vec<Triple<f64>> = triples(15, 3);
+    let tensor = CalibratedTensor::estimate(&sample, 0).expect("a tensor");
+    criterion.bench_function("robust/consensus of 15 landmarks", |bencher| {
+        bencher.iter(|| {
+            let squares = black_box(&all).iter();
+            squares
+                .map(|triple| tensor.sampson_square(triple, &[1.0; 3]).min(36.0))
+                .sum::<f64>()
+        });
+    });
+    for (views, landmarks) in [(8, 15), (12, 15)] {
+        for percent in [0, 30, 50] {
+            let problems: Vec<Problem<f64>> = (0..16)
+                .map(|seed| contaminated(views, landmarks, f64::from(percent) / 100.0, seed))
+                .collect();
+            let options = SolveOptions {
+                robust: true,
+                ..SolveOptions::default()
+            };
+            let mut next = 0;
+            let name = format!("robust/solve/{views}x{landmarks}/{percent} % outliers");
+            criterion.bench_function(&name, |bencher| {
+                bencher.iter(|| {
+                    next = (next + 1) % problems.len();
+                    solve(black_box(&problems[next]), &options, None)
+                });
+            });
+        }
+    }
+}
+
 fn all(criterion: &mut Criterion) {
     three_views::<f64>(criterion, "f64");
     three_views::<f32>(criterion, "f32");
@@ -289,6 +335,7 @@ fn all(criterion: &mut Criterion) {
     whole(criterion);
     limited_sight(criterion);
     diagnoses(criterion);
+    robust(criterion);
 }
 
 criterion_group! {

@@ -51,6 +51,17 @@ pub enum Error {
         /// Where in it.
         index: usize,
     },
+    /// A standard deviation so large that no bearing could be told from a wrong one.
+    TooCoarse {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+        /// The value that came \[rad\].
+        value: f64,
+        /// The largest value of use \[rad\].
+        bound: f64,
+    },
     /// An index that is out of range.
     OutOfRange {
         /// The argument.
@@ -140,6 +151,16 @@ impl fmt::Display for Error {
                     "{what}: expected symmetric covariances, got one that is not at index {index}"
                 )
             }
+            Self::TooCoarse {
+                what,
+                index,
+                value,
+                bound,
+            } => write!(
+                f,
+                "{what}: outliers can be told only below {bound} rad, got {value} at index {index}; \
+                 give the standard deviation of a bearing in radians"
+            ),
             Self::OutOfRange {
                 what,
                 index,

@@ -267,6 +267,7 @@ fn solve<'py>(
             tolerance,
         },
         seed,
+        ..SolveOptions::default()
     };
     let found = Watcher::run(py, progress, |watch| {
         crate::solve(&problem, &options, Some(watch))

@@ -13,6 +13,7 @@ mod options;
 mod paper;
 mod posterior;
 mod result;
+mod robust;
 mod search;
 mod sight;
 mod solve;

@@ -2,6 +2,7 @@
 //! Random scenes: the paper's two layouts, and a trajectory with limited sight.
 
 mod bound;
+mod contaminate;
 mod errors;
 mod odometry;
 

@@ -96,6 +96,15 @@ pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
     }
 }
 
+/// Solves `L y = x` in place with the factor of [`factorize`]; `x` is zero before `begin`.
+pub fn whiten<T: Real>(factor: &[T], x: &mut [T], begin: usize) {
+    let n = x.len();
+    for i in begin..n {
+        let row = &factor[i * n..][..=i];
+        x[i] = (x[i] - dot(&row[begin..i], &x[begin..i])) * row[i];
+    }
+}
+
 /// The diagonal of the inverse of the matrix, from the factor of [`factorize`].
 pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
     let mut column = vec![T::zero(); n];
@@ -115,7 +124,7 @@ pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
 
 /// Inner product with four interleaved sums: a fixed order that fits the vector registers.
 #[inline]
-fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+pub fn dot<T: Real>(a: &[T], b: &[T]) -> T {
     let mut sums = [T::zero(); 4];
     let (a4, a_rest) = a.as_chunks::<4>();
     let (b4, b_rest) = b.as_chunks::<4>();
@@ -150,6 +159,14 @@ mod tests {
             let error = (DVector::from_vec(x) - &expected).norm();
             assert!(error < 1e-11 * expected.norm(), "{error:e}");
             let inverse = a.clone().cholesky().unwrap().inverse();
+            let mut unit = vec![0.0; n];
+            unit[n / 2] = 2.0;
+            whiten(&matrix, &mut unit, n / 2);
+            let form = dot(&unit, &unit);
+            assert!(
+                (form - 4.0 * inverse[(n / 2, n / 2)]).abs() < 1e-11 * form,
+                "{form}"
+            );
             for (k, found) in inverse_diagonal(&matrix, n).into_iter().enumerate() {
                 let expected = inverse[(k, k)];
                 assert!((found - expected).abs() < 1e-11 * expected, "{k}");

@@ -49,6 +49,13 @@ pub enum Why {
         /// How many it takes.
         needed: usize,
     },
+    /// Enough sightings, but the rest of the map contradicts too many of them.
+    TooFewInliers {
+        /// How many it does not contradict.
+        got: usize,
+        /// How many it takes.
+        needed: usize,
+    },
     /// The start of the refinement has no value for it.
     NoStart,
     /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
@@ -79,6 +86,12 @@ impl fmt::Display for Why {
                 f,
                 "has {got} sightings to the determined part of the map, needs {needed}"
             ),
+            Self::TooFewInliers { got, needed } => {
+                write!(
+                    f,
+                    "has {got} sightings that are no outliers, needs {needed}"
+                )
+            }
             Self::NoStart => write!(f, "the start has no value for it"),
             Self::Degenerate => write!(f, "its sightings do not fix it"),
             Self::Misfit => write!(f, "its sightings do not agree with the map"),

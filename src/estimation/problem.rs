@@ -334,6 +334,19 @@ impl<T: Real> Problem<T> {
         self
     }
 
+    /// The problem of some of the sightings, by their place in [`Problem::sightings`], as if they were
+    /// the input; views and landmarks keep their numbers.
+    pub(crate) fn subset(&self, keep: &[bool]) -> Self {
+        let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
+        let sightings: Vec<Seen<T>> = kept.map(|(seen, _)| *seen).collect();
+        let input = (0..sightings.len()).collect();
+        Self {
+            oriented: self.oriented,
+            ties: self.ties.clone(),
+            ..Self::index(self.views(), self.landmarks, sightings, input)
+        }
+    }
+
     /// The part of the problem between the views and landmarks that are kept, numbered anew in
     /// their order. Input indices refer to the sightings of this problem.
     pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {

@@ -176,6 +176,17 @@ pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, loss: Loss<T>) -> T {
     Bundle::from_map(map).linearize(&map.restrict(problem), loss, &mut Rows::new())
 }
 
+/// The part of it that odometry and priors have.
+pub fn cost_of_ties<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
+    if problem.ties().is_empty() {
+        return T::zero();
+    }
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    let ties = active.ties().iter();
+    ties.fold(T::zero(), |sum, tie| sum + tie.linearize(&bundle).square()) * T::lit(0.5)
+}
+
 /// Whether the sparse equations of everything serve better than the dense ones of what is left when one
 /// kind of block is eliminated.
 ///

@@ -137,6 +137,25 @@ impl<T: Real> CalibratedTensor<T> {
         T::one() / (fa * fa + fb * fb + fc * fc + T::eps()).sqrt()
     }
 
+    /// The square of the residual of one landmark over its standard deviation, to first order (T4), for
+    /// the given variances of the three angles \[rad^2\].
+    ///
+    /// A turn of a bearing by pi changes nothing.
+    pub fn sampson_square(&self, [u, v, w]: &Triple<T>, variances: &[T; 3]) -> T {
+        let row = products(u.into_inner(), v.into_inner(), w.into_inner());
+        let mut value = T::zero();
+        let [a, b, c] = core::array::from_fn(|k| {
+            let product = self.coefficients[k] * row[k];
+            value += product.re;
+            product.im
+        });
+        let [va, vb, vc] = *variances;
+        let (fa, fb, fc) = (a + b - c, a - b + c, b + c - a);
+        let variance = fa * fa * va + fb * fb * vb + fc * fc * vc;
+        // On top of a view both vanish, and nothing is wrong with the landmark.
+        value * value / (variance + T::eps() * T::eps())
+    }
+
     /// The same relation as a 2x2x2 tensor of unit Frobenius norm, (T3).
     pub fn tensor(&self) -> TrifocalTensor<T> {
         let unit = [

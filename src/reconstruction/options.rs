@@ -58,6 +58,11 @@ pub struct SolveOptions<T: Real> {
     pub refine: RefineOptions<T>,
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
+    /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
+    /// deviations of the bearings, for an outlier is what misses by more than three. The strategy is
+    /// that of the last look at the bearings that are left. [`initialize`](crate::initialize) takes no
+    /// notice.
+    pub robust: bool,
 }
 
 impl<T: Real> Default for SolveOptions<T> {
@@ -66,6 +71,7 @@ impl<T: Real> Default for SolveOptions<T> {
             strategy: Strategy::Search(Search::default()),
             refine: RefineOptions::default(),
             seed: 0,
+            robust: false,
         }
     }
 }

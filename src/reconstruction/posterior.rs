@@ -8,9 +8,10 @@ use super::anchored::anchored;
 use super::bounded::take_out_unbounded;
 use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
+use super::robust;
 use super::solve::solve;
 use crate::error::Error;
-use crate::estimation::{Map, Problem, Undetermined, Why, refine_map};
+use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, refine_map};
 use crate::geometry::align;
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -35,7 +36,15 @@ pub fn solve_posterior<T: Real>(
     options: &SolveOptions<T>,
     mut progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
-    let starts = anchored(problem, &options.refine, &mut progress)?;
+    let growing = RefineOptions {
+        loss: if options.robust {
+            Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))
+        } else {
+            options.refine.loss
+        },
+        ..options.refine
+    };
+    let starts = anchored(problem, &growing, &mut progress)?;
     let mut found = Vec::new();
     let mut failure = None;
     for start in starts.iter().take(1) {
@@ -49,7 +58,11 @@ pub fn solve_posterior<T: Real>(
         )?;
     }
     let many = problem.views() > MANY_VIEWS;
-    if !(many && found.iter().any(is_plausible)) {
+    if !(many
+        && found
+            .iter()
+            .any(|found| is_plausible(found, options.robust)))
+    {
         let alone = problem.clone().without_ties();
         match solve(&alone, options, reborrow(&mut progress)) {
             Ok(best) => {
@@ -85,7 +98,9 @@ pub fn solve_posterior<T: Real>(
             bound: 1.0,
         })
     })?;
-    take_out_unbounded(problem, &mut best);
+    if !options.robust {
+        take_out_unbounded(problem, &mut best);
+    }
     Ok(best)
 }
 
@@ -98,6 +113,10 @@ fn try_start<T: Real>(
     found: &mut Vec<Reconstruction<T>>,
     failure: &mut Option<Error>,
 ) -> Result<(), Error> {
+    if options.robust {
+        found.extend(robust::from_start(problem, start, options, progress)?);
+        return Ok(());
+    }
     let mut map = start.clone();
     let total = options.refine.max_iterations;
     let mut watch = |done, _| tell(progress, "refine", done, total);
@@ -110,9 +129,16 @@ fn try_start<T: Real>(
 }
 
 /// Whether the cost is what the standard deviations let expect.
-fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
+fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
     let freedom = found.freedom as f64;
-    let excess = 2.0 * found.cost.as_f64() - freedom;
+    // An outlier counts with its bound, and is none of the freedom.
+    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
+    let bound = if robust {
+        Loss::<T>::TRUNCATED * Loss::<T>::TRUNCATED
+    } else {
+        0.0
+    };
+    let excess = 2.0 * found.cost.as_f64() - bound * outliers as f64 - freedom;
     // What has too few sightings no start would reach.
     let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
     found.termination.was_successful()

@@ -13,14 +13,21 @@ use alloc::vec::Vec;
 pub struct Reconstruction<T: Real> {
     /// Poses and landmarks; `None` where undetermined.
     pub map: Map<T>,
-    /// Half the sum of squared residuals over sigma.
+    /// Half the sum of squared residuals over sigma. With [`SolveOptions::robust`] no square counts
+    /// for more than 9, which is what a sighting costs that the map does not explain.
+    ///
+    /// [`SolveOptions::robust`]: crate::SolveOptions::robust
     pub cost: T,
-    /// Root mean square of the residuals \[rad\].
+    /// Root mean square of the residuals of the inliers \[rad\].
     pub rms: T,
     /// Predicted minus measured bearing \[rad\] in (-pi, pi], in the order of the problem's input;
     /// `None` where an end is undetermined, unless it is a landmark at infinity.
     pub residuals: Vec<Option<T>>,
-    /// Degrees of freedom: sightings between what is determined, less parameters, but for the four of
+    /// Which sightings made the map, in the order of the problem's input. With
+    /// [`SolveOptions::robust`](crate::SolveOptions::robust) those whose residual is at most three
+    /// sigma; without, all that have a residual.
+    pub inliers: Vec<bool>,
+    /// Degrees of freedom: inliers between what is determined, less parameters, but for the four of
     /// the gauge.
     pub freedom: usize,
     /// How the refinement ended.
@@ -64,6 +71,7 @@ impl<T: Real> Reconstruction<T> {
             cost: report.cost,
             rms: (squares / count.max(T::one())).sqrt(),
             freedom: freedom(problem, &map, &residuals),
+            inliers: residuals.iter().map(Option::is_some).collect(),
             residuals,
             map,
             termination: report.termination,

@@ -7,6 +7,7 @@ use super::options::{Progress, SolveOptions, Strategy, tell};
 use super::paper;
 use super::posterior::solve_posterior;
 use super::result::Reconstruction;
+use super::robust::solve_robust;
 use super::search::{self, Hypotheses, Hypothesis};
 use super::sight;
 use crate::error::Error;
@@ -130,7 +131,7 @@ pub fn refine<T: Real>(
 /// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
 /// wall, views in one place) or exact bearings leave a direction of the map free;
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
-/// says so. With noise a degenerate geometry shows in
+/// says so; with [`SolveOptions::robust`] [`Error::TooCoarse`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
 /// [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
 /// # Example
@@ -149,6 +150,9 @@ pub fn solve<T: Real>(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
     let best = best(problem, options, progress)?;
+    if options.robust {
+        return Ok(best);
+    }
     judge(problem, best)
 }
 
@@ -160,6 +164,9 @@ pub fn best<T: Real>(
 ) -> Result<Reconstruction<T>, Error> {
     if !problem.ties().is_empty() {
         return solve_posterior(problem, options, progress);
+    }
+    if options.robust {
+        return solve_robust(problem, options, progress);
     }
     let mut progress = progress;
     let mut maps = sight::maps(problem, options, &mut progress)?;
@@ -217,7 +224,7 @@ pub fn best<T: Real>(
 }
 
 /// Fills in sensitivity and uncertainty.
-pub fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+pub(super) fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
         let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);

@@ -10,6 +10,7 @@ mod posterior;
 mod properties;
 mod reference;
 mod refinement;
+mod robust;
 mod shapes;
 mod sight;
 mod single;

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Single sightings, and pairs, on the other side of the bound.
+//!
+//! An outlier that has much leverage has bent the map until it fits: its residual is small, and that of
+//! the good bearing that contradicts it is large. What the residuals would be without it is foreseen to
+//! first order.
+
+use super::objective::OUTLIER;
+use super::settle::{Settled, fixed_point};
+use crate::error::Error;
+use crate::estimation::{Influence, Problem, RefineOptions};
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// A change is tried when it is foreseen to raise twice the cost by no more than this, which is within
+/// the error of the forecast; so many of them before the best is given up, and so many successes.
+const PROMISING: f64 = 4.0;
+const TRIED: usize = 16;
+const SUCCESSES: usize = 20;
+
+/// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
+///
+/// The residual that a sighting would have on the other side follows from its leverage, (T26); those
+/// that promise most are tried.
+///
+/// # Errors
+/// Those of the refinement.
+pub fn exchange<T: Real>(
+    problem: &Problem<T>,
+    mut best: Settled<T>,
+    options: &RefineOptions<T>,
+) -> Result<Settled<T>, Error> {
+    for _ in 0..SUCCESSES {
+        let mut lower = None;
+        for set in promising(problem, &best) {
+            let mut kept = best.inliers.clone();
+            for k in set {
+                kept[k] = !kept[k];
+            }
+            lower = fixed_point(problem, best.map.clone(), kept, options)?
+                .filter(|found| found.is_below(&best));
+            if lower.is_some() {
+                break;
+            }
+        }
+        match lower {
+            Some(found) => best = found,
+            None => break,
+        }
+    }
+    Ok(best)
+}
+
+/// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
+fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>> {
+    let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
+        return Vec::new();
+    };
+    let most = T::lit(OUTLIER * OUTLIER);
+    // Adding has the sign 1, leaving out -1.
+    let sign = |k: usize| if best.inliers[k] { -T::one() } else { T::one() };
+    let change = |sign: T, residual: T, leverage: T| {
+        let spread = (T::one() + sign * leverage).max(T::eps());
+        sign * (residual * residual / spread - most)
+    };
+    let single: Vec<(usize, T, T, T)> = influence
+        .residuals
+        .iter()
+        .enumerate()
+        .filter_map(|(k, residual)| {
+            let (residual, leverage) = ((*residual)?, influence.between(k, k));
+            Some((k, residual, leverage, change(sign(k), residual, leverage)))
+        })
+        .collect();
+    let worth = T::lit(PROMISING);
+    let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
+    for &(k, residual, leverage, alone) in &single {
+        if alone < worth {
+            found.push((alone.as_f64(), vec![k]));
+        }
+        // An inlier can only be missed by what it costs as an outlier; others may be anything.
+        if alone > most {
+            continue;
+        }
+        let spread = (T::one() + sign(k) * leverage).max(T::eps());
+        for &(l, other, other_leverage, _) in &single {
+            if l == k || best.inliers[l] {
+                continue;
+            }
+            let tie = influence.between(k, l) * sign(k) / spread;
+            let residual_then = other - tie * residual;
+            let leverage_then = other_leverage - tie * influence.between(k, l);
+            let both = alone + change(T::one(), residual_then, leverage_then);
+            if both < worth && both < alone {
+                found.push((both.as_f64(), vec![k, l]));
+            }
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(TRIED);
+    found.into_iter().map(|(_, set)| set).collect()
+}

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! One view or one landmark against the rest of the map, when some of its sightings are wrong.
+//!
+//! The smallest sets of sightings that fix it are tried, three for a view and two for a landmark; the
+//! one with the least bounded cost is estimated anew from all that agrees with it.
+
+use super::objective::square;
+use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
+use crate::geometry::Pose;
+use crate::kernels::{resect, triangulate};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::{Complex, Point2};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Most sets that are tried for each place that is asked for. When half of the sightings are wrong, one in eight threes is good, and 64
+/// miss them all once in 5000.
+const SETS: usize = 64;
+
+/// Agreeing sightings that two places may share by chance beyond those that fix them.
+const DOUBT: usize = 2;
+
+/// Rounds of estimation from all that agrees.
+const ROUNDS: usize = 3;
+
+/// A place for a view or a landmark.
+pub struct Placed<P, T: Real> {
+    pub place: P,
+    /// The sum of the squares of its sightings, none of which counts for more than that of the bound.
+    pub cost: T,
+    /// Which of its sightings agree with it, among those whose other end is in the map.
+    pub agreeing: Vec<bool>,
+    /// Whether it has been there all the time.
+    pub present: bool,
+}
+
+impl<P, T: Real> Placed<P, T> {
+    /// How many sightings agree.
+    pub fn count(&self) -> usize {
+        self.agreeing.iter().filter(|agrees| **agrees).count()
+    }
+}
+
+/// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than `most`.
+fn sets<const N: usize>(
+    count: usize,
+    most: usize,
+    random: &mut ChaCha8Rng,
+    mut visit: impl FnMut([usize; N]),
+) {
+    if count < N {
+        return;
+    }
+    let all = (0..N).fold(1_usize, |product, k| {
+        product.saturating_mul(count - k) / (k + 1)
+    });
+    if all <= most {
+        let mut set: [usize; N] = core::array::from_fn(|k| k);
+        loop {
+            visit(set);
+            // The last place that can move on; those behind it follow.
+            let Some(place) = (0..N).rev().find(|&k| set[k] < count - N + k) else {
+                return;
+            };
+            set[place] += 1;
+            for k in place + 1..N {
+                set[k] = set[k - 1] + 1;
+            }
+        }
+    }
+    for _ in 0..most {
+        let mut set = [0; N];
+        for k in 0..N {
+            // One of those that are left, counted past those that are taken.
+            let mut pick = random.random_range(0..count - k);
+            set[..k].sort_unstable();
+            for &taken in &set[..k] {
+                pick += usize::from(pick >= taken);
+            }
+            set[k] = pick;
+        }
+        visit(set);
+    }
+}
+
+/// Up to `count` poses of a view with which different sightings agree to within `bound` standard
+/// deviations, the best first. The pose that it has is one to start with.
+///
+/// None when it sees fewer than three landmarks of the map.
+pub fn place_view<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    view: usize,
+    bound: f64,
+    count: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Placed<Pose<T>, T>> {
+    let seen: Vec<(Point2<T>, Seen<T>)> = problem
+        .of_view(view)
+        .iter()
+        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
+        .collect();
+    if seen.len() < MIN_LANDMARKS_OF_VIEW {
+        return Vec::new();
+    }
+    let squares = |pose: &Pose<T>| {
+        let pose = *pose;
+        seen.iter()
+            .map(move |(point, s)| square(problem, s, &pose, point))
+    };
+    let mut best = Best::new(bound, count, &squares);
+    if let Some(pose) = map.poses[view] {
+        best.offer(pose, true);
+        if best.is_beyond_doubt(seen.len(), MIN_LANDMARKS_OF_VIEW) {
+            return best.places;
+        }
+    }
+    sets(
+        seen.len(),
+        SETS * count,
+        random,
+        |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
+            if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
+                best.offer(found.pose, false);
+            }
+        },
+    );
+    best.improved(|agreeing| {
+        let agreeing = seen.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
+        let agreeing = agreeing.map(|((point, s), _)| (*point, s.bearing));
+        resect(agreeing).ok().map(|found| found.pose)
+    })
+}
+
+/// Positions of a landmark, as [`place_view`].
+pub fn place_landmark<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    landmark: usize,
+    bound: f64,
+    count: usize,
+    random: &mut ChaCha8Rng,
+) -> Vec<Placed<Point2<T>, T>> {
+    let rays: Vec<(Pose<T>, Seen<T>)> = problem
+        .of_landmark(landmark)
+        .iter()
+        .filter_map(|&k| {
+            let s = problem.sightings()[k];
+            map.poses[s.view].map(|pose| (pose, s))
+        })
+        .collect();
+    if rays.len() < MIN_VIEWS_OF_LANDMARK {
+        return Vec::new();
+    }
+    let squares = |point: &Point2<T>| {
+        let point = *point;
+        rays.iter()
+            .map(move |(pose, s)| square(problem, s, pose, &point))
+    };
+    let mut best = Best::new(bound, count, &squares);
+    if let Some(point) = map.landmarks[landmark] {
+        best.offer(point, true);
+        if best.is_beyond_doubt(rays.len(), MIN_VIEWS_OF_LANDMARK) {
+            return best.places;
+        }
+    }
+    sets(
+        rays.len(),
+        SETS * count,
+        random,
+        |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
+            if let Some(point) = crossing(set.map(|k| &rays[k])) {
+                best.offer(point, false);
+            }
+        },
+    );
+    best.improved(|agreeing| {
+        let agreeing = rays.iter().zip(agreeing).filter(|(_, agrees)| **agrees);
+        let agreeing = agreeing.map(|((pose, s), _)| (*pose, s.bearing));
+        triangulate(agreeing).ok().map(|found| found.point)
+    })
+}
+
+/// Where two lines of sight cross; `None` when they are parallel.
+fn crossing<T: Real>(rays: [&(Pose<T>, Seen<T>); 2]) -> Option<Point2<T>> {
+    let cross = |a: Complex<T>, b: Complex<T>| a.re * b.im - a.im * b.re;
+    let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
+    let [from, to] = rays.map(|(pose, _)| pose.translation.vector);
+    let sine = cross(u, v);
+    (sine.abs() > T::eps()).then(|| {
+        let range = cross(Complex::new(to.x - from.x, to.y - from.y), v) / sine;
+        Point2::new(from.x + u.re * range, from.y + u.im * range)
+    })
+}
+
+/// The best places so far.
+struct Best<'a, P, T: Real, F> {
+    most: T,
+    count: usize,
+    squares: &'a F,
+    /// The best first.
+    places: Vec<Placed<P, T>>,
+}
+
+impl<'a, P: Copy, T: Real, F, I> Best<'a, P, T, F>
+where
+    F: Fn(&P) -> I,
+    I: Iterator<Item = T>,
+{
+    fn new(bound: f64, count: usize, squares: &'a F) -> Self {
+        Self {
+            most: T::lit(bound * bound),
+            count,
+            squares,
+            places: Vec::with_capacity(count + 1),
+        }
+    }
+
+    /// Takes a place that is among the best: of those with which the same sightings agree, the best one,
+    /// or the present one, which only the rest of the map can make better.
+    fn offer(&mut self, place: P, present: bool) {
+        let limit = match self.places.get(self.count - 1) {
+            Some(last) => last.cost,
+            None => T::one() / T::zero(),
+        };
+        let mut cost = T::zero();
+        for square in (self.squares)(&place) {
+            cost += square.min(self.most);
+            if !(cost < limit) {
+                return;
+            }
+        }
+        let agreeing: Vec<bool> = (self.squares)(&place)
+            .map(|square| square <= self.most)
+            .collect();
+        if let Some(same) = self.places.iter().position(|p| p.agreeing == agreeing) {
+            if self.places[same].present || self.places[same].cost <= cost {
+                return;
+            }
+            self.places.remove(same);
+        }
+        let rank = self.places.partition_point(|p| p.cost <= cost);
+        self.places.insert(
+            rank,
+            Placed {
+                place,
+                cost,
+                agreeing,
+                present,
+            },
+        );
+        self.places.truncate(self.count);
+    }
+
+    /// Whether only the best place is asked for and so many of all sightings agree with the present one
+    /// that none could be better: those that agree with another are among the rest, but for about as
+    /// many as fix it.
+    fn is_beyond_doubt(&self, all: usize, fixing: usize) -> bool {
+        let present = self.places.first();
+        self.count == 1 && present.is_some_and(|present| 2 * present.count() > all + fixing + DOUBT)
+    }
+
+    /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
+    fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P, T>> {
+        for _ in 0..ROUNDS {
+            let better: Vec<P> = self
+                .places
+                .iter()
+                .filter_map(|placed| estimate(&placed.agreeing))
+                .collect();
+            for place in better {
+                self.offer(place, false);
+            }
+        }
+        self.places
+    }
+}

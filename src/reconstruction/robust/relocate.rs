@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Views and landmarks in other places.
+
+use super::objective::{OUTLIER, inliers};
+use super::place::{Placed, place_landmark, place_view};
+use super::settle::{ITERATIONS, Settled, descend, fixed_point, settle};
+use crate::error::Error;
+use crate::estimation::{Map, Problem, RefineOptions};
+use crate::geometry::Pose;
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::Point2;
+use rand_chacha::ChaCha8Rng;
+
+/// Bounds within which views and landmarks are placed anew, how many places of each are looked at, by
+/// how many outliers they may be worse as long as nothing else moves, and how many are tried.
+const BOUNDS: [f64; 2] = [3.0, 9.0];
+const PLACES: usize = 4;
+const WORSE: f64 = 2.0;
+const TRIED: usize = 24;
+
+/// Most rounds: each lowers the cost, so they end by themselves.
+const ROUNDS: usize = 10;
+
+/// Moves all views and landmarks to where most agrees with them, as long as that lowers the cost.
+///
+/// # Errors
+/// Those of the refinement.
+pub fn replace<T: Real>(
+    problem: &Problem<T>,
+    mut best: Settled<T>,
+    options: &RefineOptions<T>,
+    random: &mut ChaCha8Rng,
+) -> Result<Settled<T>, Error> {
+    for _ in 0..ROUNDS {
+        let mut map = best.map.clone();
+        for view in 0..problem.views() {
+            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first() {
+                map.poses[view] = Some(placed.place);
+            }
+        }
+        for landmark in 0..problem.landmarks() {
+            if let Some(placed) =
+                place_landmark(problem, &map, landmark, OUTLIER, 1, random).first()
+            {
+                map.landmarks[landmark] = Some(placed.place);
+            }
+        }
+        let kept = inliers(problem, &map, OUTLIER);
+        if kept == best.inliers {
+            break;
+        }
+        match fixed_point(problem, map, kept, options)? {
+            Some(found) if found.is_below(&best) => best = found,
+            _ => break,
+        }
+    }
+    Ok(best)
+}
+
+/// A place for a view or a landmark.
+enum Move<T: Real> {
+    View(usize, Pose<T>),
+    Landmark(usize, Point2<T>),
+}
+
+/// Puts single views and landmarks in other places and follows the map from there, as long as that
+/// lowers the cost.
+///
+/// # Errors
+/// Those of the refinement.
+pub fn relocate<T: Real>(
+    problem: &Problem<T>,
+    mut best: Settled<T>,
+    options: &RefineOptions<T>,
+    random: &mut ChaCha8Rng,
+) -> Result<Settled<T>, Error> {
+    for _ in 0..ROUNDS {
+        let mut lower = None;
+        for (bound, place) in moves(problem, &best.map, random) {
+            let mut map = best.map.clone();
+            match place {
+                Move::View(view, pose) => map.poses[view] = Some(pose),
+                Move::Landmark(landmark, point) => map.landmarks[landmark] = Some(point),
+            }
+            descend(problem, &mut map, bound, ITERATIONS, options)?;
+            lower = settle(problem, map, options)?.filter(|found| found.is_below(&best));
+            if lower.is_some() {
+                break;
+            }
+        }
+        match lower {
+            Some(found) => best = found,
+            None => break,
+        }
+    }
+    Ok(best)
+}
+
+/// Other places of single views and landmarks, and the bound within which sightings agree with them;
+/// the most promising first.
+fn moves<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    random: &mut ChaCha8Rng,
+) -> Vec<(f64, Move<T>)> {
+    let mut found: Vec<(f64, f64, Move<T>)> = Vec::new();
+    for bound in BOUNDS {
+        for view in 0..problem.views() {
+            let places = others(place_view(problem, map, view, bound, PLACES, random), bound);
+            found.extend(places.map(|(worse, pose)| (worse, bound, Move::View(view, pose))));
+        }
+        for landmark in 0..problem.landmarks() {
+            let places = place_landmark(problem, map, landmark, bound, PLACES, random);
+            found.extend(
+                others(places, bound)
+                    .map(|(worse, point)| (worse, bound, Move::Landmark(landmark, point))),
+            );
+        }
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(TRIED);
+    found
+        .into_iter()
+        .map(|(_, bound, place)| (bound, place))
+        .collect()
+}
+
+/// Places other than the present one, and by how many outliers they are worse, if not by too many.
+fn others<P, T: Real>(places: Vec<Placed<P, T>>, bound: f64) -> impl Iterator<Item = (f64, P)> {
+    let cost = move |placed: &Placed<P, T>| placed.cost.as_f64() / (bound * bound);
+    // A present place that is not among them is worse than all.
+    let present = places.iter().find(|placed| placed.present);
+    let now = present.or(places.last()).map_or(0.0, cost);
+    places
+        .into_iter()
+        .filter(|placed| !placed.present)
+        .map(move |placed| (cost(&placed) - now, placed.place))
+        .filter(|(change, _)| *change < WORSE)
+}

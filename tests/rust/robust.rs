@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Maps from bearings some of which are wrong.
+
+use crate::common::{LAYOUTS, error, scene};
+use bearslam::{
+    Arena, Error, Layout, Map, Problem, Reconstruction, RefineOptions, Scene, Sighting,
+    SolveOptions, Subject, Why, refine_map, simulate, solve,
+};
+
+const NOISE_DEG: f64 = 0.5;
+
+fn options() -> SolveOptions<f64> {
+    SolveOptions {
+        robust: true,
+        ..SolveOptions::default()
+    }
+}
+
+fn sigma() -> f64 {
+    NOISE_DEG.to_radians()
+}
+
+fn problem(scene: &Scene) -> Problem<f64> {
+    let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
+    Problem::dense(views, landmarks, &scene.bearings, sigma()).unwrap()
+}
+
+/// Half the sum of squares, none of which counts for more than 9.
+fn bounded_cost(problem: &Problem<f64>, map: &Map<f64>) -> f64 {
+    map.residuals(problem)
+        .map(|residual| residual.map_or(9.0, |r| (r / sigma()).powi(2).min(9.0)))
+        .sum::<f64>()
+        / 2.0
+}
+
+/// The refinement of the good bearings, started at the truth.
+fn from_truth(scene: &Scene, wrong: &[bool]) -> Map<f64> {
+    let columns = scene.landmarks.len();
+    let good: Vec<Sighting<f64>> = (0..wrong.len())
+        .filter(|&k| !wrong[k])
+        .map(|k| Sighting {
+            view: k / columns,
+            landmark: k % columns,
+            bearing: scene.bearings[k],
+            sigma: sigma(),
+        })
+        .collect();
+    let problem = Problem::new(scene.poses.len(), columns, &good).unwrap();
+    let mut map = scene.map();
+    refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+    map
+}
+
+/// What every robust result must fulfil.
+fn check(problem: &Problem<f64>, found: &Reconstruction<f64>) {
+    let sightings = problem.sightings().len();
+    assert_eq!(found.inliers.len(), sightings);
+    assert_eq!(found.residuals.len(), sightings);
+    let mut cost = 0.0;
+    for (&inlier, residual) in found.inliers.iter().zip(&found.residuals) {
+        let size = residual.map_or(f64::INFINITY, |r| r.abs() / sigma());
+        assert_eq!(inlier, size <= 3.0);
+        cost += (size * size).min(9.0) / 2.0;
+    }
+    assert!((found.cost - cost).abs() < 1e-9 * cost.max(1e-9));
+}
+
+#[test]
+fn three_outliers_in_ten_are_found() {
+    let (mut missed, mut scenes) = (0, 0);
+    let (mut right, mut taken, mut good) = (0, 0, 0);
+    for layout in LAYOUTS {
+        for (views, landmarks) in [(8, 15), (12, 15)] {
+            for seed in 0..10 {
+                let clean = scene(layout, views, landmarks, NOISE_DEG, seed);
+                let (scene, wrong) = clean.contaminate(0.3, seed);
+                let problem = problem(&scene);
+                let found = solve(&problem, &options(), None).unwrap();
+                check(&problem, &found);
+                let least = bounded_cost(&problem, &from_truth(&scene, &wrong));
+                missed += usize::from(found.cost > least * (1.0 + 1e-5));
+                scenes += 1;
+                for (&inlier, &wrong) in found.inliers.iter().zip(&wrong) {
+                    right += usize::from(inlier && !wrong);
+                    taken += usize::from(inlier);
+                    good += usize::from(!wrong);
+                }
+            }
+        }
+    }
+    // `cargo bench --bench robust` has the rates over 1000 scenes each.
+    assert!(missed <= 1, "{missed} of {scenes}");
+    assert!(right * 100 >= taken * 98, "precision {right} of {taken}");
+    assert!(right * 100 >= good * 98, "recall {right} of {good}");
+}
+
+#[test]
+fn good_bearings_give_the_map_of_the_plain_solve() {
+    for layout in LAYOUTS {
+        for (views, landmarks) in [(4, 9), (8, 11), (12, 15)] {
+            for seed in 0..5 {
+                let scene = scene(layout, views, landmarks, NOISE_DEG, seed);
+                let problem = problem(&scene);
+                let plain = solve(&problem, &SolveOptions::default(), None).unwrap();
+                let beyond = plain.residuals.iter().flatten();
+                if beyond.clone().any(|r| r.abs() > 3.0 * sigma()) {
+                    continue;
+                }
+                let robust = solve(&problem, &options(), None).unwrap();
+                check(&problem, &robust);
+                // The plain map is a fixed point; there may be lower ones with fewer inliers.
+                assert!(robust.cost <= plain.cost * (1.0 + 1e-9));
+                if robust.inliers.iter().all(|inlier| *inlier) {
+                    for (a, b) in plain.map.landmarks.iter().zip(&robust.map.landmarks) {
+                        let distance = match (a, b) {
+                            (Some(a), Some(b)) => (a - b).norm() / (1.0 + a.coords.norm()),
+                            (None, None) => 0.0,
+                            _ => f64::INFINITY,
+                        };
+                        assert!(distance < 1e-6, "{layout:?} {views} {seed}: {distance:e}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn exact_bearings_among_wrong_ones_give_back_the_scene() {
+    for layout in LAYOUTS {
+        for seed in 0..5 {
+            let clean = scene(layout, 8, 15, 0.0, seed);
+            let (scene, wrong) = clean.contaminate(0.2, seed);
+            let found = solve(&problem(&scene), &options(), None).unwrap();
+            // A wrong bearing may be within three sigma by chance: it then bends the map a little.
+            let errors = scene.errors(&found.map).unwrap();
+            assert!(errors.position_rms < 0.05, "{layout:?} {seed}: {errors:?}");
+            let lost = found
+                .inliers
+                .iter()
+                .zip(&wrong)
+                .filter(|(i, w)| !**i && !**w);
+            assert_eq!(lost.count(), 0, "{layout:?} {seed}");
+        }
+    }
+}
+
+#[test]
+fn each_kind_of_outlier_is_told() {
+    let clean = scene(Layout::Mixed, 8, 15, NOISE_DEG, 3);
+    for kind in 0..3 {
+        let mut scene = clean.clone();
+        // Ten bearings of different views and landmarks, or ten pairs.
+        let mut wrong = vec![false; scene.bearings.len()];
+        for k in 0..10 {
+            let (a, b) = ((k % 8) * 15 + k, (k % 8) * 15 + (k + 5) % 15);
+            match kind {
+                0 => {
+                    scene.bearings.swap(a, b);
+                    wrong[b] = true;
+                }
+                1 => scene.bearings[a] += std::f64::consts::PI,
+                _ => scene.bearings[a] += 0.5 + 0.4 * k as f64,
+            }
+            wrong[a] = true;
+        }
+        let found = solve(&problem(&scene), &options(), None).unwrap();
+        for (k, (&inlier, &wrong)) in found.inliers.iter().zip(&wrong).enumerate() {
+            assert!(
+                !(inlier && wrong),
+                "kind {kind}: {k} is wrong and taken for good"
+            );
+        }
+        assert!(error(&found.map, &scene) < 0.05);
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits() {
+    let (scene, _) = scene(Layout::Enclosed, 8, 15, NOISE_DEG, 5).contaminate(0.3, 5);
+    let first = solve(&problem(&scene), &options(), None).unwrap();
+    let second = solve(&problem(&scene), &options(), None).unwrap();
+    assert_eq!(first.map, second.map);
+    assert_eq!(first.inliers, second.inliers);
+}
+
+#[test]
+fn limited_sight_and_wrong_bearings() {
+    let arena = Arena {
+        sight: 3.5,
+        ..Arena::default()
+    };
+    let clean = simulate(Layout::Trajectory, 20, 30, sigma(), 2, arena).unwrap();
+    let (scene, wrong) = clean.contaminate(0.2, 2);
+    let problem = problem(&scene);
+    assert!(problem.sightings().len() < 20 * 30);
+    let found = solve(&problem, &options(), None).unwrap();
+    check(&problem, &found);
+    let wrong = scene
+        .bearings
+        .iter()
+        .zip(&wrong)
+        .filter(|(b, _)| !b.is_nan());
+    let (mut right, mut taken, mut good) = (0, 0, 0);
+    for (&inlier, (_, &wrong)) in found.inliers.iter().zip(wrong) {
+        right += usize::from(inlier && !wrong);
+        taken += usize::from(inlier);
+        good += usize::from(!wrong);
+    }
+    assert!(right * 100 >= taken * 97, "precision {right} of {taken}");
+    assert!(right * 100 >= good * 97, "recall {right} of {good}");
+}
+
+#[test]
+fn what_too_few_good_bearings_see_is_undetermined() {
+    let mut scene = scene(Layout::Mixed, 8, 15, NOISE_DEG, 3);
+    // Of the last landmark there are two sightings, one of which points away.
+    for view in 0..8 {
+        scene.bearings[view * 15 + 14] = if view < 2 {
+            scene.bearings[view * 15 + 14] + std::f64::consts::PI * view as f64
+        } else {
+            f64::NAN
+        };
+    }
+    let problem = problem(&scene);
+    let found = solve(&problem, &options(), None).unwrap();
+    check(&problem, &found);
+    let last = found
+        .undetermined
+        .iter()
+        .find(|undetermined| undetermined.subject == Subject::Landmark(14));
+    assert!(matches!(last.unwrap().why, Why::TooFewInliers { .. }));
+    assert!(found.map.landmarks[..14].iter().all(Option::is_some));
+}
+
+#[test]
+fn random_bearings_end_without_a_panic() {
+    let (scene, _) = scene(Layout::Mixed, 5, 7, NOISE_DEG, 1).contaminate(1.0, 1);
+    if let Ok(found) = solve(&problem(&scene), &options(), None) {
+        check(&problem(&scene), &found);
+    }
+}
+
+#[test]
+fn few_landmarks_and_few_views() {
+    for (views, landmarks) in [(3, 5), (3, 9), (4, 4), (5, 4), (4, 6)] {
+        for seed in 0..5 {
+            let scene = scene(Layout::Mixed, views, landmarks, 0.1, seed);
+            if let Ok(found) = solve(&problem(&scene), &options(), None) {
+                check(&problem(&scene), &found);
+            }
+        }
+    }
+    // A third view shares too few landmarks.
+    let few = Problem::dense(3, 4, &[0.1; 12], 0.01).unwrap();
+    assert!(matches!(
+        solve(&few, &options(), None),
+        Err(Error::TooFew { .. })
+    ));
+}
+
+#[test]
+fn a_sigma_that_tells_nothing_is_an_error() {
+    let scene = scene(Layout::Mixed, 5, 9, NOISE_DEG, 1);
+    let coarse = Problem::dense(5, 9, &scene.bearings, 1.0).unwrap();
+    let error = solve(&coarse, &options(), None).unwrap_err();
+    assert!(matches!(error, Error::TooCoarse { index: 0, value, .. } if value == 1.0));
+    assert!(format!("{error}").contains("standard deviation"));
+}
+
+#[test]
+fn progress_can_stop_it() {
+    let (scene, _) = scene(Layout::Mixed, 8, 15, NOISE_DEG, 1).contaminate(0.3, 1);
+    for stop in [1, 4, 8] {
+        let mut calls = 0;
+        let mut watch = |_: &'static str, _, _| {
+            calls += 1;
+            calls < stop
+        };
+        let stopped = solve(&problem(&scene), &options(), Some(&mut watch));
+        assert_eq!(stopped.unwrap_err(), Error::Interrupted);
+    }
+}
+
+#[test]
+fn single_precision_is_enough() {
+    let (scene, wrong) = scene(Layout::Mixed, 8, 15, NOISE_DEG, 4).contaminate(0.2, 4);
+    #[expect(clippy::cast_possible_truncation, reason = "meant")]
+    let bearings: Vec<f32> = scene.bearings.iter().map(|b| *b as f32).collect();
+    #[expect(clippy::cast_possible_truncation, reason = "meant")]
+    let problem = Problem::dense(8, 15, &bearings, sigma() as f32).unwrap();
+    let options = SolveOptions {
+        robust: true,
+        ..SolveOptions::default()
+    };
+    let found = solve(&problem, &options, None).unwrap();
+    let right = found.inliers.iter().zip(&wrong).filter(|(i, w)| **i != **w);
+    assert!(right.count() >= 114);
+}
+
+#[test]
+fn contamination_is_what_it_says() {
+    let clean = scene(Layout::Mixed, 12, 15, NOISE_DEG, 1);
+    let (dirty, wrong) = clean.contaminate(0.3, 7);
+    let count = |kind: fn(f64) -> bool| {
+        let pairs = clean.bearings.iter().zip(&dirty.bearings);
+        pairs
+            .filter(|(a, b)| a != b && kind((**a - **b).abs()))
+            .count()
+    };
+    assert_eq!(wrong.iter().filter(|wrong| **wrong).count(), 54);
+    let turned = count(|d| (d - std::f64::consts::PI).abs() < 1e-12);
+    assert_eq!(turned, 18);
+    // Swapped ones: the same numbers in other places of the row.
+    let swapped = (0..180)
+        .filter(|&k| wrong[k] && clean.bearings[k / 15 * 15..][..15].contains(&dirty.bearings[k]))
+        .count();
+    assert_eq!(swapped, 18);
+    assert_eq!(clean.contaminate(0.3, 7), (dirty, wrong));
+    assert_eq!(clean.contaminate(0.0, 7).0, clean);
+}
+
+/// Whether the inliers are those of the truth, but for a few of each kind.
+fn tells(found: &[bool], truth: &[bool]) -> bool {
+    let wrong = found.iter().zip(truth).filter(|(a, b)| a != b).count();
+    wrong * 50 <= truth.len()
+}
+
+#[test]
+fn outliers_among_odometry() {
+    let noise = 0.5_f64.to_radians();
+    let arena = Arena {
+        sight: 2.5,
+        ..Arena::default()
+    };
+    for seed in 0..5 {
+        let exact = simulate(Layout::Trajectory, 30, 25, noise, seed, arena).unwrap();
+        let (scene, wrong) = exact.contaminate(0.2, seed);
+        let odometry = exact.odometry([0.02, 0.02, 0.01], seed).unwrap();
+        let problem = Problem::dense(30, 25, &scene.bearings, noise).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let found = solve(&problem, &options(), None).unwrap();
+        let seen: Vec<bool> = scene
+            .bearings
+            .iter()
+            .zip(&wrong)
+            .filter(|(bearing, _)| !bearing.is_nan())
+            .map(|(_, wrong)| !wrong)
+            .collect();
+        assert!(tells(&found.inliers, &seen), "{seed}");
+        assert!(
+            exact.errors(&found.map).unwrap().position_rms < 0.2,
+            "{seed}"
+        );
+    }
+}
+
+#[test]
+fn outliers_among_lines() {
+    let noise = 0.2_f64.to_radians();
+    for seed in 0..5 {
+        let exact = scene(Layout::Mixed, 10, 15, 0.2, seed);
+        let (scene, _) = exact.contaminate(0.15, seed);
+        let problem = Problem::dense(10, 15, &scene.bearings, noise)
+            .unwrap()
+            .unoriented();
+        // A bearing off by pi is a good line.
+        let good: Vec<bool> = exact
+            .bearings
+            .iter()
+            .zip(&scene.bearings)
+            .map(|(a, b)| (a - b).sin().abs() < 1e-9)
+            .collect();
+        let found = solve(&problem, &options(), None).unwrap();
+        assert!(tells(&found.inliers, &good), "{seed}");
+        assert!(
+            exact.errors(&found.map).unwrap().position_rms < 0.3,
+            "{seed}"
+        );
+    }
+}
