@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Whole maps under limited sight: `cargo bench --bench sight [-- TRIALS [SEED [known]]]`.
+//! Whole maps under limited sight:
+//! `cargo bench --bench sight [-- TRIALS [SEED [SETTING]]] [known] [verbose] [incremental] [global]`.
+//!
+//! `known` gives the methods the standard deviation of the bearings, `verbose` says how each miss misses, a name runs that
+//! method only, SETTING one line of the table, from 0.
 //!
 //! Rates of success and times of the incremental and the global method. A scene counts when the Jacobian at
 //! the truth has no more than the four null directions of the gauge, after views with fewer than three and
