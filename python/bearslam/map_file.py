@@ -58,8 +58,7 @@ def as_json(result: Reconstruction) -> str:
                 for other in result.alternatives
             ],
             "components": [
-                {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)}
-                for other in result.components
+                {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)} for other in result.components
             ],
         }
     )

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! All views at once: headings by averaging over many triples, then one linear system for all positions.
+//! All views at once: headings by averaging over many triples, then one linear system for all
+//! positions.
 //!
-//! Dellaert and Stroupe say that no linear method treats more than three views at once. Once the headings are known
-//! there is one, (T25): `Im((x_j - p_i) e^{-i(t_i + a_ij)}) = 0` is linear in all positions and landmarks.
+//! Dellaert and Stroupe say that no linear method treats more than three views at once. Once the
+//! headings are known there is one, (T25): `Im((x_j - p_i) e^{-i(t_i + a_ij)}) = 0` is linear in all
+//! positions and landmarks.
 
 mod headings;
 mod positions;
@@ -17,8 +19,8 @@ use alloc::vec::Vec;
 /// Most views: the systems are dense in the views.
 const MAX_VIEWS: usize = 1024;
 
-/// A map without refinement for each set of views that triples connect, the largest first; none when no three views share
-/// five landmarks.
+/// A map without refinement for each set of views that triples connect, the largest first; none when
+/// no three views share five landmarks.
 ///
 /// # Errors
 /// [`Error::TooLarge`] above 1024 views, [`Error::NeedsRays`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when

@@ -27,18 +27,20 @@ const ATTEMPTS: usize = 12;
 /// what takes more goes on by Newton's method, which is dear.
 const FIRST_ITERATIONS: usize = 8;
 
-/// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the best.
+/// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the
+/// best.
 const MAX_FINISHED: usize = 3;
 const HOPELESS: f64 = 30.0;
 
 /// Views to which both branches of a seed grow before the better goes on.
 const TRIAL: usize = 8;
 
-/// Two branches whose costs per degree of freedom differ by less than this factor after the trial are both
-/// grown to the end.
+/// Two branches whose costs per degree of freedom differ by less than this factor after the trial are
+/// both grown to the end.
 const CLEARLY: f64 = 4.0;
 
-/// The maps of all components, refined, the largest first; none when no three views share five landmarks.
+/// The maps of all components, refined, the largest first; none when no three views share five
+/// landmarks.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`]; why no triple of views can start a map, when none can.
@@ -176,7 +178,8 @@ fn from_seed<T: Real>(
     for map in seeds::begin(problem, views) {
         if let Some(mut growth) = Growth::new(problem, options, free, map)? {
             growth.grow(TRIAL, progress)?;
-            let variance = growth.noise().as_f64().powi(2);
+            let noise = growth.noise().as_f64();
+            let variance = noise * noise;
             growths.push((growth.reached(), variance, growth));
         }
     }

@@ -8,14 +8,14 @@ use crate::scalar::Real;
 /// How a first map is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
-    /// Many triples of views, both branches of each; the best few refined. Under limited sight (more than
-    /// 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
+    /// Many triples of views, both branches of each; the best few refined. Under limited sight (more
+    /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
     Search(Search),
-    /// Well conditioned triples of views grown by resection and triangulation, with refinement in between; several maps
-    /// where the views do not hang together.
+    /// Well conditioned triples of views grown by resection and triangulation, with refinement in
+    /// between; several maps where the views do not hang together.
     Incremental,
-    /// All views at once: headings by rotation averaging over many triples, then one sparse linear system
-    /// for all positions and landmarks.
+    /// All views at once: headings by rotation averaging over many triples, then one sparse linear
+    /// system for all positions and landmarks.
     Global,
     /// The paper's path from the first three views, with its own or the calibrated tensor.
     FirstViews(Method),

@@ -48,9 +48,9 @@ pub struct Reconstruction<T: Real> {
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
     pub alternatives: Vec<Self>,
-    /// Maps of other views, that too few common landmarks tie to this one: the largest first, each in a
-    /// gauge of its own. A landmark may have a place in several maps. What is `undetermined` in this map is in
-    /// none of them.
+    /// Maps of other views, that too few common landmarks tie to this one: the largest first, each in
+    /// a gauge of its own. A landmark may have a place in several maps. What is `undetermined` in
+    /// this map is in none of them.
     pub components: Vec<Self>,
 }
 

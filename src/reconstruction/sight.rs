@@ -93,7 +93,8 @@ pub fn no_map<T: Real>(problem: &Problem<T>) -> Error {
 
 /// The largest map with the others as its components; `None` of none.
 ///
-/// What has a place in any of them is not undetermined. The others list only their landmarks at infinity.
+/// What has a place in any of them is not undetermined. The others list only their landmarks at
+/// infinity.
 pub fn gather<T: Real>(
     problem: &Problem<T>,
     maps: Vec<Reconstruction<T>>,
@@ -116,7 +117,8 @@ pub fn gather<T: Real>(
         }
     }
     for other in &mut main.components {
-        // A landmark at infinity is part of the map all the same; what it never had is none of its business.
+        // A landmark at infinity is part of the map all the same; what it never had is none of its
+        // business.
         other
             .undetermined
             .retain(|undetermined| undetermined.why == Why::AtInfinity);

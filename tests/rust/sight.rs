@@ -186,8 +186,8 @@ fn maps_that_share_two_landmarks_become_one() {
 #[test]
 fn what_cannot_be_determined_is_named() {
     let scene = simulate(Layout::Mixed, 12, 22, 0.0, 5, Arena::default()).unwrap();
-    // Landmark 19 is seen once, 20 by a view that is itself lost, 21 never; view 10 sees two landmarks, view 11 three of
-    // which only two have a place.
+    // Landmark 19 is seen once, 20 by a view that is itself lost, 21 never; view 10 sees two
+    // landmarks, view 11 three of which only two have a place.
     let mut seen = sightings(&scene, 0..10, 0..19);
     seen.extend(sightings(&scene, 3..4, 19..20));
     seen.extend(sightings(&scene, 10..11, 4..6));

@@ -10,15 +10,16 @@ use nalgebra::{DMatrix, DVector, UnitComplex};
 /// Rounds of reweighting: the branches settle in the first few, the weights in about ten.
 const ROUNDS: usize = 15;
 
-/// Residuals of a typical triple times its quality count fully, larger ones less: Cauchy's weight at so many
-/// times their median. 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median is 0.67.
+/// Residuals of a typical triple times its quality count fully, larger ones less: Cauchy's weight at
+/// so many times their median. 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median
+/// is 0.67.
 const CAUCHY: f64 = 2.4 / 0.67;
 
 /// The headings of a connected set of views that agree best with the relative headings of triples.
 ///
-/// A spanning tree of the best conditioned triples starts, each further triple attached where it meets the tree, by
-/// the branch that fits; then least squares over all triples on the circle, (T26), reweighted for outliers, each triple by its nearer
-/// branch.
+/// A spanning tree of the best conditioned triples starts, each further triple attached where it
+/// meets the tree, by the branch that fits; then least squares over all triples on the circle, (T26),
+/// reweighted for outliers, each triple by its nearer branch.
 pub fn average<T: Real>(
     views: usize,
     relatives: &[Relative<T>],
@@ -34,7 +35,8 @@ pub fn average<T: Real>(
         .collect();
     let mut headings = spanning_tree(views, &relatives);
     for _ in 0..ROUNDS {
-        // Each pair of each triple: the two views, by how much its second heading is behind, its quality.
+        // Each pair of each triple: the two views, by how much its second heading is behind, its
+        // quality.
         let mut pairs = Vec::with_capacity(3 * relatives.len());
         for relative in &relatives {
             let Some((_, errors)) = nearest(relative, &headings) else {
@@ -83,8 +85,8 @@ pub fn average<T: Real>(
     headings
 }
 
-/// Of the branches of a triple the one nearer to the headings as they are, and how much the second heading of each of its
-/// pairs (0, 1), (1, 2), (2, 0) is to be turned for it \[rad\].
+/// Of the branches of a triple the one nearer to the headings as they are, and how much the second
+/// heading of each of its pairs (0, 1), (1, 2), (2, 0) is to be turned for it \[rad\].
 fn nearest<T: Real>(
     relative: &Relative<T>,
     headings: &[Option<UnitComplex<T>>],
@@ -116,7 +118,8 @@ fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Optio
         return headings;
     };
     headings[first.views[0]] = Some(UnitComplex::identity());
-    // Two known views tell the branches of a triple apart; a triple with a rival and one known view waits.
+    // Two known views tell the branches of a triple apart; a triple with a rival and one known view
+    // waits.
     loop {
         let attaches = |relative: &&&Relative<T>, fewest: usize| {
             let known = relative
@@ -141,7 +144,8 @@ fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Optio
     }
 }
 
-/// Gives the views of a triple that have no heading theirs, by the branch that agrees with those that have.
+/// Gives the views of a triple that have no heading theirs, by the branch that agrees with those that
+/// have.
 fn attach<T: Real>(relative: &Relative<T>, headings: &mut [Option<UnitComplex<T>>]) {
     let mut best: Option<(T, [UnitComplex<T>; 3])> = None;
     for branch in &relative.branches {

@@ -17,8 +17,8 @@ const STEPS: usize = 3;
 /// No range counts as less than this part of the median, or one bad sighting would rule the system.
 const NEAREST: f64 = 0.1;
 
-/// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about
-/// the square of half the parallax in radians) place no landmark.
+/// Rays whose directions spread less than this (smaller over larger eigenvalue of their information:
+/// about the square of half the parallax in radians) place no landmark.
 const SPREAD: f64 = 1e-4;
 
 /// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
@@ -60,10 +60,10 @@ impl<T: Real> Bundle<T> {
 
 /// The map of the views that have a heading; `None` when nothing holds together.
 ///
-/// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say that
-/// the sine of the angular error is small, (T25). Landmarks are eliminated in closed form; the positions are the smallest eigenvector of what
-/// is left, after the two translations: inverse iteration, from the direction in which all landmarks move
-/// ahead of the views that see them.
+/// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
+/// that the sine of the angular error is small, (T25). Landmarks are eliminated in closed form; the
+/// positions are the smallest eigenvector of what is left, after the two translations: inverse
+/// iteration, from the direction in which all landmarks move ahead of the views that see them.
 pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>]) -> Option<Map<T>> {
     let mut slot = vec![usize::MAX; headings.len()];
     let mut views = Vec::new();
@@ -148,7 +148,8 @@ fn round<T: Real>(
             }
         }
     }
-    // The translations get the stiffness of an average view, and everything a little more than rounding.
+    // The translations get the stiffness of an average view, and everything a little more than
+    // rounding.
     let mean = matrix.diagonal().sum() / T::lit(2.0 * views as f64);
     let stiffness = mean / T::lit(views as f64);
     for a in 0..views {

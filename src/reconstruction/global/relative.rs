@@ -71,7 +71,8 @@ pub fn relatives<T: Real>(
     }
 }
 
-/// One triple; `None` when it shares more landmarks than the last of [`SHARED`] asks for and has been drawn before.
+/// One triple; `None` when it shares more landmarks than the last of [`SHARED`] asks for and has been
+/// drawn before.
 fn relative<T: Real>(
     problem: &Problem<T>,
     views: [usize; 3],

@@ -13,7 +13,8 @@ use crate::scalar::Real;
 /// Refinements of a map, each of which may make room for a view that did not fit before.
 const COMPLETIONS: usize = 3;
 
-/// The last refinement of a map, of everything that has a place in it; `None` when it cannot be refined.
+/// The last refinement of a map, of everything that has a place in it; `None` when it cannot be
+/// refined.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -66,7 +67,8 @@ fn refined<T: Real>(
     }
 }
 
-/// Puts in everything that the gates have kept out and that has a place at all, for the last refinement.
+/// Puts in everything that the gates have kept out and that has a place at all, for the last
+/// refinement.
 ///
 /// A landmark whose rays do not meet goes far out along them: the refinement tells whether it is at
 /// infinity.

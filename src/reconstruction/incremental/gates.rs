@@ -83,7 +83,8 @@ pub fn noise<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
-/// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ by less.
+/// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ
+/// by less.
 pub fn rounding<T: Real>(problem: &Problem<T>) -> f64 {
     let weights = problem.sightings().iter();
     let square = weights.fold(T::zero(), |most, s| most.max(s.weight * s.weight));

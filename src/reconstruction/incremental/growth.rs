@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! One map on its way from a few poses to everything it can reach.
 //!
-//! A round adds the views that the map holds best, up to a quarter more than it has, then landmarks, and
-//! refines. What does not fit waits for a later round, when the map is better; when nothing else is
-//! left the gates open wider.
+//! A round adds the views that the map holds best, up to a quarter more than it has, then landmarks,
+//! and refines. What does not fit waits for a later round, when the map is better; when nothing else
+//! is left the gates open wider.
 
 use super::super::options::{Progress, tell};
 use super::gates::{Fit, noise, range_variance};
@@ -29,8 +29,8 @@ const SHARE: usize = 4;
 /// Landmarks that hold a view, one of which checks it; without the check when nothing else is left.
 const HOLDING: [usize; 3] = [4, 4, MIN_LANDMARKS_OF_VIEW];
 
-/// A heading is taken when its standard deviation is below this \[rad\], a landmark when that of its range is
-/// below this part of it. Beyond, the first order no longer tells what they do to others.
+/// A heading is taken when its standard deviation is below this \[rad\], a landmark when that of its
+/// range is below this part of it. Beyond, the first order no longer tells what they do to others.
 const MAX_DEVIATION: f64 = 0.25;
 
 /// How often a view may be thrown out and come back.
@@ -55,7 +55,8 @@ pub struct Growth<'a, T: Real> {
 }
 
 impl<'a, T: Real> Growth<'a, T> {
-    /// From poses without landmarks; `None` when the landmarks that they see cannot be refined with them.
+    /// From poses without landmarks; `None` when the landmarks that they see cannot be refined with
+    /// them.
     ///
     /// # Errors
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -143,8 +144,8 @@ impl<'a, T: Real> Growth<'a, T> {
         found.len()
     }
 
-    /// The pose of a view that passes the gates, and how far it is held: one over the standard deviation of its
-    /// heading, in units of the noise.
+    /// The pose of a view that passes the gates, and how far it is held: one over the standard
+    /// deviation of its heading, in units of the noise.
     fn locate(&self, view: usize) -> Option<(Pose<T>, T)> {
         if self.map.connections_of_view(self.problem, view) < HOLDING[self.level] {
             return None;

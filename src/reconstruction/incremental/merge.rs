@@ -23,7 +23,8 @@ pub fn views<T: Real>(found: &Reconstruction<T>) -> usize {
     found.map.poses.iter().flatten().count()
 }
 
-/// A map fits about as well as another when its cost per degree of freedom is at most so many times the other's.
+/// A map fits about as well as another when its cost per degree of freedom is at most so many times
+/// the other's.
 const AS_GOOD: f64 = 4.0;
 
 /// Of those that fit about as well as the best, the one that reaches most, then the lowest.
