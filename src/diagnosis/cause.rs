@@ -61,7 +61,7 @@ impl Configuration {
             kind: Kind::CoincidentViews,
             shapes,
         }));
-        // Of three views of a wall some member of the family nearly always is on a line.
+        // Three views of a wall often are on a line in some member of the family, and mean nothing by it.
         if m > 3 {
             found.push(Self {
                 kind: Kind::LinesOfViewsAndOfLandmarks,
