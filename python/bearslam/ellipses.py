@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,10 +25,14 @@ COVERED = 0.95
 """Probability that a point is within its ellipse, if errors are Gaussian."""
 RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - COVERED)))
 """The radius of that ellipse, in standard deviations: squared it is the quantile of chi-square with two degrees."""
+LARGE = 0.25
+"""Half of the longer axis, as a share of the map, from which on an ellipse does not widen the picture."""
+LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00", "linewidths": 0.9}
+"""The orange of Okabe and Ito, which stands out from the robots and landmarks that ellipses lie over."""
 
 
 def draw_ellipses(
-    ax: Axes, points: FloatArray, covariances: FloatArray, color: str, zorder: float, frame: str | None
+    ax: Axes, points: FloatArray, covariances: FloatArray, scale: float, frame: str | None, zorder: float
 ) -> list[tuple[Artist, str]]:
     """Ellipses around points (k, 2) for covariances (k, 2, 2); those without bounds are left out.
 
@@ -37,25 +41,26 @@ def draw_ellipses(
     known = np.isfinite(points).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
     if not known.any():
         return []
-    squares, axes = np.linalg.eigh(covariances[known])
-    half = RADIUS * np.sqrt(np.maximum(squares, 0.0))  # rounding may leave what is held a little below zero
-    half_minor, half_major = half.T
-    angles = np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]))
-    ax.add_collection(
-        EllipseCollection(
-            2 * half_major,
-            2 * half_minor,
-            angles,
-            units="xy",
-            offsets=points[known],
-            offset_transform=ax.transData,
-            facecolors=(color, 0.12),
-            edgecolors=color,
-            linewidths=0.7,
-            zorder=zorder - 0.05,
-        )
+    points, covariances = points[known], covariances[known]
+    squares, axes = np.linalg.eigh(covariances)
+    minor, major = RADIUS * np.sqrt(np.maximum(squares, 0.0)).T  # rounding may leave what is held a little below zero
+    ellipses = EllipseCollection(
+        2 * major,
+        2 * minor,
+        np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])),
+        units="xy",
+        offsets=points,
+        offset_transform=ax.transData,
+        zorder=zorder,
+        **LOOK,
     )
-    symbol = Line2D([], [], color=color, linestyle="none", marker="o", markersize=9, alpha=1.0)
-    symbol.set(markerfacecolor=(color, 0.12), markeredgecolor=color, markeredgewidth=0.7)
-    where = "" if frame is None else f"\n(frame: {frame.replace('_', ' ')})"
+    ellipses.set_in_layout(False)  # it is clipped, however large it is
+    ax.add_collection(ellipses)
+    reach = RADIUS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    small = major < LARGE * scale
+    ax.update_datalim(np.concatenate([(points - reach)[small], (points + reach)[small]]))
+    ax.autoscale_view()
+    symbol = Line2D([], [], linestyle="none", marker="o", markersize=9, markeredgewidth=LOOK["linewidths"])
+    symbol.set(markerfacecolor=LOOK["facecolors"], markeredgecolor=LOOK["edgecolors"])
+    where = "" if frame is None else f"\n({frame.replace('_', ' ')})"
     return [(symbol, f"{100 * COVERED:.0f} % ellipse{where}")]

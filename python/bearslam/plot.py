@@ -114,7 +114,7 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
         covariances = np.concatenate([result.pose_covariance[:, :2, :2], result.landmark_covariance])
         points = np.concatenate([shown.poses[:, :2], shown.landmarks])
         covariances = stretched @ covariances @ stretched.T
-        entries += draw_ellipses(ax, points, covariances, ESTIMATE.color, ESTIMATE.zorder, result.covariance_frame)
+        entries += draw_ellipses(ax, points, covariances, scale, result.covariance_frame, ESTIMATE.zorder + 0.05)
     wrong = outliers(result)
     lines, dashed = (sight_lines(shown, result.sightings, which, oriented=result.oriented) for which in (~wrong, wrong))
     entries.append(draw_rays(ax, lines, "bearing"))
@@ -297,7 +297,8 @@ def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:
     """Draw a reconstruction into a file."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
+    figure = Figure(figsize=(width, 5.0), layout="constrained")
     plot(result, figure.add_subplot())
     save_figure(figure, path)
 

@@ -142,7 +142,7 @@ class Table:
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 
-    def restore(self, values: NDArray[Entry], missing: float | bool) -> NDArray[Entry]:
+    def restore(self, values: NDArray[Entry], missing: float | bool = np.nan) -> NDArray[Entry]:
         """Values per sighting in the shape of the problem: (m, n), filled up where nothing was seen, or (k,)."""
         if not self.dense:
             return values

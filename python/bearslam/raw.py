@@ -152,7 +152,7 @@ def wrapped(known: Known, raw: RawReconstruction, alternatives: tuple[Reconstruc
         poses=raw["poses"],
         landmarks=raw["landmarks"],
         sightings=table.sightings,
-        residuals=table.restore(raw["residuals"], np.nan),
+        residuals=table.restore(raw["residuals"]),
         cost=raw["cost"],
         rms=raw["rms"],
         sensitivity=raw["sensitivity"],
