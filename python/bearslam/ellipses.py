@@ -32,18 +32,27 @@ LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00", "linewidt
 
 
 def draw_ellipses(
-    ax: Axes, points: FloatArray, covariances: FloatArray, scale: float, frame: str | None, zorder: float
+    ax: Axes,
+    points: FloatArray,
+    covariances: FloatArray,
+    stretched: FloatArray,
+    scale: float,
+    frame: str | None,
+    zorder: float,
 ) -> list[tuple[Artist, str]]:
-    """Ellipses around points (k, 2) for covariances (k, 2, 2); those without bounds are left out.
+    """Ellipses around points (k, 2) for covariances (k, 2, 2), which a matrix takes into the frame of the points.
+
+    Those without bounds are left out.
 
     Returns what the legend says of them: nothing where there are none.
     """
     known = np.isfinite(points).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
     if not known.any():
         return []
-    points, covariances = points[known], covariances[known]
+    points, covariances = points[known], stretched @ covariances[known] @ stretched.T
     squares, axes = np.linalg.eigh(covariances)
-    minor, major = RADIUS * np.sqrt(np.maximum(squares, 0.0)).T  # rounding may leave what is held a little below zero
+    # Rounding may leave what is held a little below zero.
+    minor, major = RADIUS * np.sqrt(np.maximum(squares, 0.0)).T
     ellipses = EllipseCollection(
         2 * major,
         2 * minor,
@@ -56,7 +65,7 @@ def draw_ellipses(
     )
     ellipses.set_in_layout(False)  # it is clipped, however large it is
     ax.add_collection(ellipses)
-    reach = RADIUS * np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
+    reach = RADIUS * np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
     small = major < LARGE * scale
     ax.update_datalim(np.concatenate([(points - reach)[small], (points + reach)[small]]))
     ax.autoscale_view()

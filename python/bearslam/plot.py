@@ -113,8 +113,8 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
     if result.pose_covariance is not None and result.landmark_covariance is not None:
         covariances = np.concatenate([result.pose_covariance[:, :2, :2], result.landmark_covariance])
         points = np.concatenate([shown.poses[:, :2], shown.landmarks])
-        covariances = stretched @ covariances @ stretched.T
-        entries += draw_ellipses(ax, points, covariances, scale, result.covariance_frame, ESTIMATE.zorder + 0.05)
+        frame_of = result.covariance_frame
+        entries += draw_ellipses(ax, points, covariances, stretched, scale, frame_of, ESTIMATE.zorder + 0.05)
     wrong = outliers(result)
     lines, dashed = (sight_lines(shown, result.sightings, which, oriented=result.oriented) for which in (~wrong, wrong))
     entries.append(draw_rays(ax, lines, "bearing"))

@@ -74,6 +74,64 @@ def test_options_reach_the_solver(scene, tmp_path):
     assert json.loads(out.read_text())["iterations"] <= 1
 
 
+def spoiled(scene, tmp_path):
+    """The same bearings with one that is wrong by 30 degrees."""
+    problem = bearslam.load(scene)
+    seen = problem.sightings
+    bearing = seen.bearing.copy()
+    bearing[13] += 0.5
+    path = tmp_path / "spoiled.csv"
+    sightings = bearslam.Sightings(seen.view, seen.landmark, bearing)
+    bearslam.save(bearslam.Problem(sightings, [f"robot {i}" for i in range(4)], [f"mark {j}" for j in range(9)]), path)
+    return path
+
+
+def test_outliers_are_named(scene, tmp_path, capsys):
+    out = tmp_path / "map.json"
+    arguments = [str(spoiled(scene, tmp_path)), "--sigma-deg", "1.2", "--loss", "truncated", "--loss-scale", "5"]
+    assert main(["solve", *arguments, "-o", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "1 outliers among the bearings:\n  view robot 1 of landmark mark 4: -28." in text
+    saved = json.loads(out.read_text())
+    assert [k for k, inlier in enumerate(saved["sightings"]["inlier"]) if not inlier] == [13]
+
+
+def test_a_loss_needs_a_standard_deviation(scene, capsys):
+    assert main(["solve", str(scene), "--loss", "huber"]) == 1
+    assert complaint(capsys) == (
+        "--loss: huber needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "frame"), [(["--covariance"], "first_view"), (["--covariance", "free_network"], "free_network")]
+)
+def test_covariances_are_asked_for(scene, tmp_path, capsys, arguments, frame):
+    out = tmp_path / "map.json"
+    assert main(["solve", str(scene), "--sigma-deg", "1", *arguments, "-o", str(out)]) == 0
+    assert f"covariances in the frame {frame} (" in capsys.readouterr().out
+    saved = json.loads(out.read_text())
+    assert saved["covariance_frame"] == frame
+    expected = bearslam.solve(bearslam.load(scene), sigma=3.141592653589793 / 180, covariance=frame)
+    assert saved["landmarks"][3]["covariance"] == expected.landmark_covariance[3].tolist()
+
+
+def test_a_frame_that_nothing_fixes_is_an_error(scene, capsys):
+    assert main(["solve", str(scene), "--covariance", "priors"]) == 1
+    assert "odometry and priors leave free" in complaint(capsys)
+
+
+def test_lines_instead_of_rays(tmp_path, capsys):
+    scene, path = bearslam.simulate("mixed", 6, 10, noise=0.002, seed=3), tmp_path / "lines.csv"
+    bearings = scene.bearings.copy()
+    bearings[1::2, ::3] += 3.141592653589793
+    bearslam.save(bearings, path)
+    assert main(["solve", str(path), "--sigma-deg", "0.1", "--unoriented"]) == 0
+    text = capsys.readouterr().out
+    assert "every heading is known modulo 180 deg" in text
+    assert float(text.split("residual rms ")[1].split()[0]) < 0.2
+
+
 def test_standard_input_and_output_make_a_pipe():
     made = run("simulate", "enclosed", 4, 9, "--noise-deg", 1, "--seed", 3)
     assert made.returncode == 0

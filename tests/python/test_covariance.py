@@ -28,6 +28,7 @@ def test_shapes_and_symmetry(verb):
     for blocks in (result.pose_covariance, result.landmark_covariance):
         np.testing.assert_array_equal(blocks, blocks.transpose(0, 2, 1))
         assert (np.linalg.eigvalsh(blocks) > -1e-15).all()
+        assert (np.diagonal(blocks, axis1=1, axis2=2) >= 0).all()
     # The first view is what the others are seen from.
     assert np.abs(result.pose_covariance[0]).max() < 1e-15
     assert all(other.pose_covariance is None for other in result.alternatives)
