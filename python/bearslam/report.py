@@ -61,7 +61,7 @@ def _outliers(result: Reconstruction) -> list[str]:
         return []
     seen, degrees = result.sightings, np.degrees(per_sighting(result, result.residuals))
     views, landmarks = result.view_ids or range(len(result.poses)), result.landmark_ids or range(len(result.landmarks))
-    lines = [f"{len(wrong)} outliers among the bearings:"]
+    lines = [f"{len(wrong)} outlier{'s' if len(wrong) > 1 else ''} among the bearings:"]
     lines += [
         f"  view {printable(views[seen.view[k]])} of landmark {printable(landmarks[seen.landmark[k]])}: "
         f"{degrees[k]:.4g} deg off"

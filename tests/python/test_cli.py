@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The command line."""
 
+import dataclasses
 import io
 import json
 import os
@@ -9,11 +10,13 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 import bearslam
 from bearslam.cli import main
 from bearslam.progress import ProgressLine
+from bearslam.report import describe
 
 from .test_files import BAD
 
@@ -74,26 +77,29 @@ def test_options_reach_the_solver(scene, tmp_path):
     assert json.loads(out.read_text())["iterations"] <= 1
 
 
-def spoiled(scene, tmp_path):
-    """The same bearings with one that is wrong by 30 degrees."""
-    problem = bearslam.load(scene)
-    seen = problem.sightings
+def test_outliers_are_named(tmp_path, capsys):
+    seen = bearslam.simulate("enclosed", 8, 15, noise=0.002, seed=1).sightings
     bearing = seen.bearing.copy()
-    bearing[13] += 0.5
-    path = tmp_path / "spoiled.csv"
-    sightings = bearslam.Sightings(seen.view, seen.landmark, bearing)
-    bearslam.save(bearslam.Problem(sightings, [f"robot {i}" for i in range(4)], [f"mark {j}" for j in range(9)]), path)
-    return path
-
-
-def test_outliers_are_named(scene, tmp_path, capsys):
-    out = tmp_path / "map.json"
-    arguments = [str(spoiled(scene, tmp_path)), "--sigma-deg", "1.2", "--loss", "truncated", "--loss-scale", "5"]
-    assert main(["solve", *arguments, "-o", str(out)]) == 0
+    bearing[19] += 0.2  # of the fifth landmark, by the second view
+    path, out = tmp_path / "scene.csv", tmp_path / "map.json"
+    sightings = bearslam.Sightings(seen.view, seen.landmark, bearing, 0.002)
+    names = [f"robot {i}" for i in range(8)], [f"mark {j}" for j in range(15)]
+    bearslam.save(bearslam.Problem(sightings, *names), path)
+    assert main(["solve", str(path), "--loss", "truncated", "--loss-scale", "6", "-o", str(out)]) == 0
     text = capsys.readouterr().out
-    assert "1 outliers among the bearings:\n  view robot 1 of landmark mark 4: -28." in text
+    assert "1 outlier among the bearings:\n  view robot 1 of landmark mark 4: -11." in text
     saved = json.loads(out.read_text())
-    assert [k for k, inlier in enumerate(saved["sightings"]["inlier"]) if not inlier] == [13]
+    assert [k for k, inlier in enumerate(saved["sightings"]["inlier"]) if not inlier] == [19]
+
+
+def test_more_outliers_than_fit_are_counted():
+    scene = bearslam.simulate("enclosed", 8, 15, noise=0.002, seed=1)
+    result = bearslam.solve(scene.bearings, sigma=0.002)
+    text = describe(dataclasses.replace(result, inliers=np.zeros((8, 15), dtype=bool)))
+    lines = text.splitlines()
+    assert "120 outliers among the bearings:" in lines
+    assert sum(line.startswith("  view ") for line in lines) == 20
+    assert "  ... and 100 more" in lines
 
 
 def test_a_loss_needs_a_standard_deviation(scene, capsys):
