@@ -8,22 +8,20 @@
 mod convert;
 mod diagnosis;
 mod many;
+mod problem;
+mod result;
+mod simulate;
+mod solve;
 mod sweep;
 mod watch;
 
-use crate::{
-    Arena, Layout, Method, Reconstruction, RefineOptions, Search, SolveOptions, Strategy,
-    TrifocalTensor,
-};
-use alloc::string::String;
+use crate::{Method, TrifocalTensor};
 use alloc::vec::Vec;
-use convert::{Floats, Indices};
-use nalgebra::Point2;
+use convert::Floats;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::format;
-use watch::Watcher;
 
 /// Linear algebra of bearings, compiled.
 #[pymodule(gil_used = false)]
@@ -37,11 +35,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(triangulate, module)?)?;
     module.add_function(wrap_pyfunction!(resect, module)?)?;
     module.add_function(wrap_pyfunction!(align, module)?)?;
-    module.add_function(wrap_pyfunction!(initialize, module)?)?;
-    module.add_function(wrap_pyfunction!(solve, module)?)?;
-    module.add_function(wrap_pyfunction!(refine, module)?)?;
-    module.add_function(wrap_pyfunction!(simulate, module)?)?;
     module.add_function(wrap_pyfunction!(diagnosis::diagnose, module)?)?;
+    module.add_function(wrap_pyfunction!(solve::initialize, module)?)?;
+    module.add_function(wrap_pyfunction!(solve::solve, module)?)?;
+    module.add_function(wrap_pyfunction!(solve::refine, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::odometry, module)?)?;
     module.add_function(wrap_pyfunction!(many::three_view_batch, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::sweep, module)?)?;
     module.add_function(wrap_pyfunction!(sweep::scene_seed, module)?)
@@ -174,227 +173,4 @@ fn align(py: Python<'_>, source: Floats<'_>, target: Floats<'_>) -> PyResult<(f6
         shift.x,
         shift.y,
     ))
-}
-
-fn strategy(py: Python<'_>, name: &str, search: Search) -> PyResult<Strategy> {
-    match name {
-        "search" => Ok(Strategy::Search(search)),
-        "incremental" => Ok(Strategy::Incremental),
-        "global" => Ok(Strategy::Global),
-        "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
-        "projective" => Ok(Strategy::FirstViews(Method::Projective)),
-        _ => Err(convert::invalid(
-            py,
-            &format!(
-                "method: expected \"search\", \"calibrated\", \"projective\", \"incremental\" or \"global\", \
-                 got {name:?}"
-            ),
-        )),
-    }
-}
-
-#[pyfunction]
-#[pyo3(signature = (views, landmarks, view, landmark, bearing, sigma, *, method, triples, grown, seed, progress))]
-#[expect(clippy::too_many_arguments, reason = "the stub names them all")]
-fn initialize<'py>(
-    py: Python<'py>,
-    views: usize,
-    landmarks: usize,
-    view: Indices<'py>,
-    landmark: Indices<'py>,
-    bearing: Floats<'py>,
-    sigma: Floats<'py>,
-    method: &str,
-    triples: usize,
-    grown: usize,
-    seed: u64,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
-    let problem = convert::problem(py, views, landmarks, &view, &landmark, &bearing, &sigma)?;
-    let options = SolveOptions {
-        strategy: strategy(
-            py,
-            method,
-            Search {
-                triples,
-                grown,
-                ..Search::default()
-            },
-        )?,
-        seed,
-        ..SolveOptions::default()
-    };
-    let found = Watcher::run(py, progress, |watch| {
-        crate::initialize(&problem, &options, Some(watch))
-    })?;
-    with_alternatives(py, &found)
-}
-
-#[pyfunction]
-#[pyo3(signature = (views, landmarks, view, landmark, bearing, sigma, *, method, triples, grown, candidates, swept, max_iterations, damping, tolerance, seed, progress))]
-#[expect(clippy::too_many_arguments, reason = "the stub names them all")]
-fn solve<'py>(
-    py: Python<'py>,
-    views: usize,
-    landmarks: usize,
-    view: Indices<'py>,
-    landmark: Indices<'py>,
-    bearing: Floats<'py>,
-    sigma: Floats<'py>,
-    method: &str,
-    triples: usize,
-    grown: usize,
-    candidates: usize,
-    swept: usize,
-    max_iterations: usize,
-    damping: f64,
-    tolerance: f64,
-    seed: u64,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
-    let problem = convert::problem(py, views, landmarks, &view, &landmark, &bearing, &sigma)?;
-    let search = Search {
-        triples,
-        grown,
-        candidates,
-        swept,
-    };
-    let options = SolveOptions {
-        strategy: strategy(py, method, search)?,
-        refine: RefineOptions {
-            max_iterations,
-            damping,
-            tolerance,
-        },
-        seed,
-        ..SolveOptions::default()
-    };
-    let found = Watcher::run(py, progress, |watch| {
-        crate::solve(&problem, &options, Some(watch))
-    })?;
-    with_alternatives(py, &found)
-}
-
-#[pyfunction]
-#[pyo3(signature = (views, landmarks, view, landmark, bearing, sigma, poses, points, *, max_iterations, damping, tolerance, progress))]
-#[expect(clippy::too_many_arguments, reason = "the stub names them all")]
-fn refine<'py>(
-    py: Python<'py>,
-    views: usize,
-    landmarks: usize,
-    view: Indices<'py>,
-    landmark: Indices<'py>,
-    bearing: Floats<'py>,
-    sigma: Floats<'py>,
-    poses: Floats<'py>,
-    points: Floats<'py>,
-    max_iterations: usize,
-    damping: f64,
-    tolerance: f64,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let problem = convert::problem(py, views, landmarks, &view, &landmark, &bearing, &sigma)?;
-    let start = convert::map(py, &poses, &points)?;
-    let options = RefineOptions {
-        max_iterations,
-        damping,
-        tolerance,
-    };
-    let found = Watcher::run(py, progress, |watch| {
-        crate::refine(&problem, &start, &options, Some(watch))
-    })?;
-    reconstruction(py, &found)
-}
-
-#[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "the stub names them all")]
-fn simulate<'py>(
-    py: Python<'py>,
-    layout: &str,
-    views: usize,
-    landmarks: usize,
-    noise: f64,
-    seed: u64,
-    width: f64,
-    height: f64,
-    sight: f64,
-) -> PyResult<[Bound<'py, PyArray2<f64>>; 3]> {
-    let layout = self::layout(py, layout)?;
-    let arena = Arena {
-        width,
-        height,
-        sight,
-    };
-    let scene = py
-        .detach(|| crate::simulate(layout, views, landmarks, noise, seed, arena))
-        .map_err(|error| convert::error(py, error))?;
-    let points: Vec<Option<Point2<f64>>> = scene.landmarks.iter().copied().map(Some).collect();
-    Ok([
-        convert::poses(py, scene.poses.iter().map(Some)),
-        convert::points(py, &points),
-        convert::array2(py, scene.bearings, [views, landmarks]),
-    ])
-}
-
-fn layout(py: Python<'_>, name: &str) -> PyResult<Layout> {
-    Layout::ALL
-        .into_iter()
-        .find(|layout| layout.name() == name)
-        .ok_or_else(|| {
-            let known = Layout::ALL.map(Layout::name).join("\" or \"");
-            convert::invalid(py, &format!("layout: expected \"{known}\", got {name:?}"))
-        })
-}
-
-/// The winner and, after it, its alternatives.
-fn with_alternatives<'py>(
-    py: Python<'py>,
-    found: &Reconstruction<f64>,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
-    core::iter::once(found)
-        .chain(&found.alternatives)
-        .map(|found| reconstruction(py, found))
-        .collect()
-}
-
-fn reconstruction<'py>(
-    py: Python<'py>,
-    found: &Reconstruction<f64>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let dict = PyDict::new(py);
-    let poses = found.map.poses.iter().map(Option::as_ref);
-    dict.set_item("poses", convert::poses(py, poses))?;
-    dict.set_item("landmarks", convert::points(py, &found.map.landmarks))?;
-    let residuals: Vec<f64> = found
-        .residuals
-        .iter()
-        .map(|r| r.unwrap_or(f64::NAN))
-        .collect();
-    dict.set_item("residuals", PyArray1::from_vec(py, residuals))?;
-    dict.set_item("cost", found.cost)?;
-    dict.set_item("rms", found.rms)?;
-    dict.set_item("sensitivity", found.sensitivity)?;
-    dict.set_item("uncertainty", found.uncertainty)?;
-    dict.set_item("converged", found.termination.was_successful())?;
-    dict.set_item("termination", found.termination.name())?;
-    dict.set_item("iterations", found.iterations)?;
-    let undetermined: Vec<(&str, usize, String)> = found
-        .undetermined
-        .iter()
-        .map(|u| {
-            let (kind, index) = match u.subject {
-                crate::Subject::View(index) => ("view", index),
-                crate::Subject::Landmark(index) => ("landmark", index),
-            };
-            (kind, index, format!("{}", u.why))
-        })
-        .collect();
-    dict.set_item("undetermined", undetermined)?;
-    let components: Vec<_> = found
-        .components
-        .iter()
-        .map(|found| reconstruction(py, found))
-        .collect::<PyResult<_>>()?;
-    dict.set_item("components", components)?;
-    Ok(dict)
 }

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Planar structure and motion from bearings alone.
 
-Poses of robots and positions of landmarks from nothing but the angles at which the robots see the landmarks: no
-odometry, no initial guess. A pose is (x, y, theta); a bearing is measured in the frame of the robot, counter-clockwise
-from its heading; all angles are radians. Bearings know no position, rotation or scale of the whole: a map is given with
-its first view at the origin, heading 0, and the root-mean-square distance of the other views from it 1.
+Poses of robots and positions of landmarks from nothing but the angles at which the robots see the landmarks, with no
+initial guess; odometry and priors are used where there are any. A pose is (x, y, theta); a bearing is measured in the
+frame of the robot, counter-clockwise from its heading; all angles are radians. Bearings know no position, rotation or
+scale of the whole: what nothing else says of these, a map is given with its first view at the origin, heading 0, and
+the root-mean-square distance of the other views from it 1.
 
 >>> import bearslam
 >>> scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
@@ -18,6 +19,7 @@ from bearslam.diagnose import Diagnosis, Finding, NullDirection, diagnose
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
 from bearslam.files import load, save
 from bearslam.montecarlo.result import SweepResult
+from bearslam.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.problem import Problem, Sightings
 from bearslam.reconstruction import Reconstruction, Undetermined
 from bearslam.resect import resect
@@ -41,7 +43,10 @@ __all__ = [
     "ExecutorError",
     "Finding",
     "InvalidInputError",
+    "LandmarkPriors",
     "NullDirection",
+    "Odometry",
+    "PosePriors",
     "Problem",
     "Reconstruction",
     "Scene",

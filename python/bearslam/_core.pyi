@@ -21,10 +21,42 @@ class RawThreeView(TypedDict):
     near_collinear: bool
 
 @type_check_only
+class RawProblem(TypedDict):
+    views: int
+    landmarks: int
+    view: _Index
+    landmark: _Index
+    bearing: _Float
+    sigma: _Float
+    oriented: bool
+    odometry: tuple[_Index, _Index, _Float, _Float] | None
+    pose_priors: tuple[_Index, _Float, _Float] | None
+    landmark_priors: tuple[_Index, _Float, _Float] | None
+
+@type_check_only
+class RawSearch(TypedDict):
+    method: str
+    triples: int
+    grown: int
+    candidates: int
+    swept: int
+    seed: int
+    robust: bool
+
+@type_check_only
+class RawRefine(TypedDict):
+    max_iterations: int
+    damping: float
+    tolerance: float
+    loss: str
+    loss_scale: float | None
+
+@type_check_only
 class RawReconstruction(TypedDict):
     poses: _Float
     landmarks: _Float
     residuals: _Float
+    inliers: NDArray[np.bool_]
     cost: float
     rms: float
     sensitivity: float
@@ -34,6 +66,9 @@ class RawReconstruction(TypedDict):
     iterations: int
     undetermined: list[tuple[str, int, str]]
     components: list[RawReconstruction]
+    pose_covariance: _Float | None
+    landmark_covariance: _Float | None
+    covariance_frame: str | None
 
 @type_check_only
 class RawDiagnosis(TypedDict):
@@ -59,63 +94,27 @@ def triangulate(poses: _Float, bearings: _Float) -> _Float: ...
 def resect(landmarks: _Float, bearings: _Float) -> _Float: ...
 def align(source: _Float, target: _Float) -> tuple[float, float, float, float]: ...
 def initialize(
-    views: int,
-    landmarks: int,
-    view: _Index,
-    landmark: _Index,
-    bearing: _Float,
-    sigma: _Float,
-    *,
-    method: str,
-    triples: int,
-    grown: int,
-    seed: int,
-    progress: Callable[[str, int, int], object] | None,
+    problem: RawProblem, search: RawSearch, refine: RawRefine, progress: Callable[[str, int, int], object] | None
 ) -> list[RawReconstruction]: ...
 def solve(
-    views: int,
-    landmarks: int,
-    view: _Index,
-    landmark: _Index,
-    bearing: _Float,
-    sigma: _Float,
-    *,
-    method: str,
-    triples: int,
-    grown: int,
-    candidates: int,
-    swept: int,
-    max_iterations: int,
-    damping: float,
-    tolerance: float,
-    seed: int,
+    problem: RawProblem,
+    search: RawSearch,
+    refine: RawRefine,
+    covariance: str | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> list[RawReconstruction]: ...
 def refine(
-    views: int,
-    landmarks: int,
-    view: _Index,
-    landmark: _Index,
-    bearing: _Float,
-    sigma: _Float,
+    problem: RawProblem,
     poses: _Float,
-    points: _Float,
-    *,
-    max_iterations: int,
-    damping: float,
-    tolerance: float,
+    landmarks: _Float,
+    refine: RawRefine,
+    covariance: str | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawReconstruction: ...
 def diagnose(
-    views: int,
-    landmarks: int,
-    view: _Index,
-    landmark: _Index,
-    bearing: _Float,
-    sigma: _Float,
+    problem: RawProblem,
     poses: _Float | None,
-    points: _Float | None,
-    *,
+    landmarks: _Float | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawDiagnosis: ...
 def simulate(
@@ -128,6 +127,7 @@ def simulate(
     height: float,
     sight: float,
 ) -> tuple[_Float, _Float, _Float]: ...
+def odometry(poses: _Float, sigmas: tuple[float, float, float], seed: int) -> _Float: ...
 def three_view_batch(
     bearings: _Float, method: str, reweights: int
 ) -> tuple[_Float, _Float, _Index, _Float, NDArray[np.bool_]]: ...

@@ -19,10 +19,11 @@ from bearslam.errors import BearslamError, InvalidInputError
 from bearslam.files import MAPS, load, save, save_truth
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
+from bearslam.reconstruction import FRAMES
 from bearslam.report import describe, listing, percent
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
-from bearslam.solve import METHODS, solve
+from bearslam.solve import LOSSES, METHODS, solve
 
 __all__ = ["main"]
 
@@ -42,7 +43,9 @@ or bearing_deg and, if need be, sigma [radians] or sigma_deg, in any order. View
 that start with # are comments.
 """
 
+CHOICES = {"loss": LOSSES, "method": METHODS}
 TUNING = {
+    "loss": (None, "how much a residual counts"),
     "method": (None, "how to find a start"),
     "triples": ("N", "triples of views whose tensor is estimated"),
     "grown": ("N", "of these, the best conditioned that are grown to maps"),
@@ -119,12 +122,24 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
     verb.add_argument("-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv")
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
     verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
+    verb.add_argument("--robust", action="store_true", help="expect wrong bearings: mistaken landmarks, half turns, any")
+    verb.add_argument("--unoriented", action="store_true", help="bearings are lines, known modulo half a turn")
+    verb.add_argument(
+        "--covariance",
+        nargs="?",
+        const=True,
+        default=False,
+        choices=FRAMES,
+        metavar="FRAME",
+        help="compute covariances: first_view, free_network or priors (default: what fits)",
+    )
+    verb.add_argument("--loss-scale", type=float, metavar="X", help="width of the loss in standard deviations")
     defaults = inspect.signature(solve).parameters
     for name, (metavar, text) in TUNING.items():
         default = defaults[name].default
         verb.add_argument(
             f"--{name.replace('_', '-')}",
-            choices=METHODS if name == "method" else None,
+            choices=CHOICES.get(name),
             type=type(default),
             metavar=metavar,
             default=default,
@@ -178,10 +193,19 @@ def _solve(options: argparse.Namespace) -> None:
         problem = load(sys.stdin.buffer)
     else:
         raise InvalidInputError("-: standard input is closed")
+    needing = "--robust" if options.robust else None if options.loss == "squared" else f"--loss {options.loss}"
+    if needing and options.sigma_deg is None and problem.sightings.sigma is None:
+        raise InvalidInputError(
+            f"{needing}: needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
+        )
     with ProgressLine() as progress:
         result = solve(
             problem,
             sigma=1.0 if options.sigma_deg is None else _sigma(problem, options.sigma_deg),
+            loss_scale=options.loss_scale,
+            oriented=not options.unoriented,
+            robust=options.robust,
+            covariance=options.covariance,
             progress=progress,
             **{name: getattr(options, name) for name in TUNING},
         )

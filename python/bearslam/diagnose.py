@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 from bearslam import _core
 from bearslam.coerce import FloatArray, Progress, observer
 from bearslam.maps import MapLike, pick
-from bearslam.problem import ProblemLike, Table, tabulate
+from bearslam.priors import LandmarkPriors, Odometry, PosePriors
+from bearslam.problem import ProblemLike
+from bearslam.raw import Known
 
-__all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Severity", "diagnose"]
+__all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Severity", "diagnose", "diagnosed"]
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 """Something is not determined; something is determined badly; something is worth knowing."""
@@ -173,6 +175,10 @@ def diagnose(
     reconstruction: MapLike | None = None,
     *,
     sigma: ArrayLike = 1.0,
+    oriented: bool = True,
+    odometry: Odometry | None = None,
+    pose_priors: PosePriors | None = None,
+    landmark_priors: LandmarkPriors | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """What the bearings determine and what they do not, with names for the reasons.
@@ -189,7 +195,7 @@ def diagnose(
         determine it or not.
     sigma : float or array_like of float
         As for `solve`. Where it is below 1 it is the noise that is reckoned with, else the residuals tell.
-    progress : callable, optional
+    oriented, odometry, pose_priors, landmark_priors, progress
         As for `solve`.
 
     Returns
@@ -224,27 +230,26 @@ def diagnose(
     >>> diagnosis.findings[0].advice
     'Add three sightings of a landmark off the line.'
     """
-    table = tabulate(problem, sigma)
+    known = Known(
+        problem,
+        sigma,
+        loss="squared",
+        oriented=oriented,
+        odometry=odometry,
+        pose_priors=pose_priors,
+        landmark_priors=landmark_priors,
+    )
     poses = points = None
     if reconstruction is not None:
-        poses, points = pick("reconstruction", reconstruction, table.views, table.landmarks)
-    return _diagnosed(table, poses, points, progress)
+        poses, points = pick("reconstruction", reconstruction, known.table.views, known.table.landmarks)
+    return diagnosed(known, poses, points, progress)
 
 
-def _diagnosed(
-    table: Table, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
+def diagnosed(
+    known: Known, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
 ) -> Diagnosis:
-    raw = _core.diagnose(
-        table.views,
-        table.landmarks,
-        table.sightings.view,
-        table.sightings.landmark,
-        table.sightings.bearing,
-        table.sigma,
-        poses,
-        points,
-        progress=observer(progress),
-    )
+    """The diagnosis of what is known, at a map or at one that is looked for."""
+    raw = _core.diagnose(known.raw, poses, points, observer(progress))
     return Diagnosis(
         views=raw["views"],
         landmarks=raw["landmarks"],

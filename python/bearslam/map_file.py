@@ -9,7 +9,7 @@ from json import dumps
 
 from bearslam.coerce import FloatArray
 from bearslam.maps import HasMap
-from bearslam.reconstruction import Reconstruction
+from bearslam.reconstruction import Reconstruction, per_sighting
 from bearslam.sightings_file import row
 
 __all__ = ["as_csv", "as_json", "truth_as_json"]
@@ -28,16 +28,17 @@ def as_csv(source: HasMap, view_ids: Ids = None, landmark_ids: Ids = None) -> st
 
 
 def as_json(result: Reconstruction) -> str:
-    """The whole reconstruction; null for what is undetermined. Angles are radians."""
+    """The whole reconstruction; null for what is undetermined, or without bounds. Angles are radians."""
     seen = result.sightings
-    residuals = result.residuals[seen.view, seen.landmark] if result.residuals.ndim == 2 else result.residuals
     sigma = seen.sigma
     return _object(
         {
             "format": "bearslam reconstruction",
             "version": 1,
             **_summary(result),
-            **_map(result, result.view_ids, result.landmark_ids),
+            "oriented": result.oriented,
+            "covariance_frame": result.covariance_frame,
+            **_map(result, result.view_ids, result.landmark_ids, result.pose_covariance, result.landmark_covariance),
             "undetermined": [
                 {
                     "kind": one.kind,
@@ -51,15 +52,13 @@ def as_json(result: Reconstruction) -> str:
                 "landmark": [_id(result.landmark_ids, j) for j in seen.landmark.tolist()],
                 "bearing": _numbers(seen.bearing),
                 "sigma": None if sigma is None else _numbers(sigma),
-                "residual": _numbers(residuals),
+                "residual": _numbers(per_sighting(result, result.residuals)),
+                "inlier": per_sighting(result, result.inliers).tolist(),
             },
-            "alternatives": [
-                {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)}
-                for other in result.alternatives
-            ],
-            "components": [
-                {**_summary(other), **_map(other, result.view_ids, result.landmark_ids)} for other in result.components
-            ],
+            **{
+                name: [{**_summary(other), **_map(other, result.view_ids, result.landmark_ids)} for other in others]
+                for name, others in (("alternatives", result.alternatives), ("components", result.components))
+            },
         }
     )
 
@@ -81,17 +80,35 @@ def _summary(result: Reconstruction) -> dict[str, object]:
     }
 
 
-def _map(source: HasMap, view_ids: Ids, landmark_ids: Ids) -> dict[str, object]:
+def _map(
+    source: HasMap,
+    view_ids: Ids,
+    landmark_ids: Ids,
+    pose_covariance: FloatArray | None = None,
+    landmark_covariance: FloatArray | None = None,
+) -> dict[str, object]:
     return {
         "views": [
-            {"id": _id(view_ids, i), "x": _number(x), "y": _number(y), "theta": _number(theta)}
-            for i, (x, y, theta) in enumerate(source.poses.tolist())
+            {
+                "id": _id(view_ids, i),
+                **dict(zip(("x", "y", "theta"), _numbers(pose), strict=True)),
+                **_covariance(pose_covariance, i),
+            }
+            for i, pose in enumerate(source.poses)
         ],
         "landmarks": [
-            {"id": _id(landmark_ids, j), "x": _number(x), "y": _number(y)}
-            for j, (x, y) in enumerate(source.landmarks.tolist())
+            {
+                "id": _id(landmark_ids, j),
+                **dict(zip(("x", "y"), _numbers(point), strict=True)),
+                **_covariance(landmark_covariance, j),
+            }
+            for j, point in enumerate(source.landmarks)
         ],
     }
+
+
+def _covariance(covariances: FloatArray | None, index: int) -> dict[str, object]:
+    return {} if covariances is None else {"covariance": [_numbers(row) for row in covariances[index]]}
 
 
 def _id(ids: Ids, index: int) -> str | int:

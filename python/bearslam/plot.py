@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam.atomic import replacing
 from bearslam.coerce import FloatArray
+from bearslam.ellipses import draw_ellipses
 from bearslam.files import kind
 from bearslam.maps import Map, MapLike, pick, register
+from bearslam.reconstruction import outliers
 from bearslam.report import printable
 
 try:
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from bearslam.align import Similarity
     from bearslam.problem import Sightings
     from bearslam.reconstruction import Reconstruction
 
@@ -46,6 +49,7 @@ __all__ = [
     "draw_map",
     "draw_names",
     "draw_offsets",
+    "draw_outliers",
     "draw_rays",
     "draw_to_file",
     "extent",
@@ -80,6 +84,7 @@ PAPER = Look("#d55e00", "D", 5.0, filled=False, zorder=3.2)
 LINEAR = Look("#009e73", "P", 5.5, filled=True, zorder=3.3)
 ESTIMATE = Look("#0072b2", "o", 4.0, filled=True, zorder=3.4)
 RAY = "#56b4e9"
+WRONG = "#cc79a7"
 TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
 LABELLED = 30
 """Robots that are labelled; more labels than that hide the map."""
@@ -94,17 +99,28 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
 
         _, ax = plt.subplots(layout="constrained")
     shown = Map(result.poses, result.landmarks)
+    stretched = np.eye(2)
     if truth is None:
         scale = extent(shown)
         entries = []
     else:
         target = pick("truth", truth, len(shown.poses), len(shown.landmarks))
-        shown = laid_over(shown, target)
+        similarity = register(shown, target)
+        shown, stretched = _moved(shown, similarity), _stretch(similarity)
         scale = extent(target)
         entries = [draw_map(ax, target, TRUTH, "truth", scale)]
     entries.append(draw_map(ax, shown, ESTIMATE, "estimate", scale))
-    lines = sight_lines(shown, result.sightings)
+    if result.pose_covariance is not None and result.landmark_covariance is not None:
+        covariances = np.concatenate([result.pose_covariance[:, :2, :2], result.landmark_covariance])
+        points = np.concatenate([shown.poses[:, :2], shown.landmarks])
+        frame_of = result.covariance_frame
+        entries += draw_ellipses(ax, points, covariances, stretched, scale, frame_of, ESTIMATE.zorder + 0.05)
+    wrong = outliers(result)
+    lines, dashed = (sight_lines(shown, result.sightings, which, oriented=result.oriented) for which in (~wrong, wrong))
     entries.append(draw_rays(ax, lines, "bearing"))
+    if len(dashed):
+        entries.append(draw_outliers(ax, dashed))
+        lines = np.concatenate([lines, dashed])
     draw_names(ax, shown, ESTIMATE, scale, result.view_ids or range(len(shown.poses)), lines)
     finish(ax, "map units" if truth is None else "m")
     frame(ax, shown)
@@ -114,8 +130,17 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
 
 def laid_over(source: Map, target: Map) -> Map:
     """A map moved into the frame of another, by the similarity that fits best."""
-    similarity = register(source, target)
+    return _moved(source, register(source, target))
+
+
+def _moved(source: Map, similarity: Similarity) -> Map:
     return Map(similarity.apply_poses(source.poses), similarity.apply(source.landmarks))
+
+
+def _stretch(similarity: Similarity) -> FloatArray:
+    """The matrix of a similarity, without its translation."""
+    c, s = similarity.scale * np.cos(similarity.angle), similarity.scale * np.sin(similarity.angle)
+    return np.array([[c, -s], [s, c]])
 
 
 def extent(of: Map) -> float:
@@ -214,13 +239,18 @@ def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
     )
 
 
-def sight_lines(drawn: Map, sightings: Sightings) -> FloatArray:
+def sight_lines(
+    drawn: Map, sightings: Sightings, which: NDArray[np.bool_] | slice = slice(None), *, oriented: bool = True
+) -> FloatArray:
     """Start and end (k, 2, 2) of every bearing as it was measured, from the robot as far as the landmark."""
-    poses, points = drawn.poses[sightings.view], drawn.landmarks[sightings.landmark]
+    poses, points = drawn.poses[sightings.view[which]], drawn.landmarks[sightings.landmark[which]]
     start = poses[:, :2]
     reach = np.hypot(*(points - start).T)
-    direction = poses[:, 2] + sightings.bearing
-    end = start + reach[:, None] * np.column_stack([np.cos(direction), np.sin(direction)])
+    direction = poses[:, 2] + sightings.bearing[which]
+    away = np.column_stack([np.cos(direction), np.sin(direction)])
+    if not oriented:  # a line goes both ways: to where the landmark is
+        away *= np.where((away * (points - start)).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    end = start + reach[:, None] * away
     lines: FloatArray = np.stack([start, end], axis=1)
     return lines[np.isfinite(lines).all(axis=(1, 2))]
 
@@ -231,6 +261,13 @@ def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
     look = {"linewidths": max(0.7 * few, 0.3), "alpha": max(0.6 * few, 0.1)}
     ax.add_collection(LineCollection(list(lines), colors=RAY, zorder=1.0, **look))
     return Line2D([], [], color=RAY, linewidth=0.9), label
+
+
+def draw_outliers(ax: Axes, lines: FloatArray) -> Entry:
+    """Bearings that are not explained, dashed; above the others, for they are what one looks for."""
+    look = {"colors": WRONG, "linewidths": 1.0, "linestyles": (0, (4, 2))}
+    ax.add_collection(LineCollection(list(lines), zorder=1.2, **look))
+    return Line2D([], [], color=WRONG, linewidth=1.0, linestyle=(0, (4, 2))), "outlier"
 
 
 def finish(ax: Axes, unit: str) -> None:
@@ -260,7 +297,8 @@ def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:
     """Draw a reconstruction into a file."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
+    figure = Figure(figsize=(width, 5.0), layout="constrained")
     plot(result, figure.add_subplot())
     save_figure(figure, path)
 

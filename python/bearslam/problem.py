@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -124,6 +124,8 @@ class Problem:
         return repr(self.sightings).replace("Sightings", "Problem", 1)
 
 
+Entry = TypeVar("Entry", bound=np.generic)
+
 ProblemLike: TypeAlias = ArrayLike | Sightings | Problem
 """An (m, n) array of bearings with NaN for what was not seen, `Sightings`, or a `Problem`."""
 
@@ -140,17 +142,21 @@ class Table:
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 
-    def restore(self, values: FloatArray) -> FloatArray:
-        """Numbers per sighting in the shape of the problem: (m, n) with NaN where nothing was seen, or (k,)."""
+    def restore(self, values: NDArray[Entry], missing: float | bool = np.nan) -> NDArray[Entry]:
+        """Values per sighting in the shape of the problem: (m, n), filled up where nothing was seen, or (k,)."""
         if not self.dense:
             return values
-        table = np.full((self.views, self.landmarks), np.nan)
+        table = np.full((self.views, self.landmarks), missing, dtype=values.dtype)
         table[self.sightings.view, self.sightings.landmark] = values
         return table
 
 
-def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0) -> Table:
-    """The sightings of any kind of problem, checked, with a standard deviation each."""
+def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, landmarks: int = 0) -> Table:
+    """The sightings of any kind of problem, checked, with a standard deviation each.
+
+    Plain `Sightings` do not say how many views and landmarks there are: there may be `views` and `landmarks` if that is
+    more than they see.
+    """
     if isinstance(problem, Problem):
         return replace(tabulate(problem.sightings, sigma), view_ids=problem.view_ids, landmark_ids=problem.landmark_ids)
     if isinstance(problem, Sightings):
@@ -161,7 +167,7 @@ def tabulate(problem: ProblemLike, sigma: ArrayLike = 1.0) -> Table:
             raise InvalidInputError("sigma: the sightings come with standard deviations of their own; give only one")
         else:
             each = problem.sigma
-        views, landmarks = problem.view_count, problem.landmark_count
+        views, landmarks = max(problem.view_count, views), max(problem.landmark_count, landmarks)
         if views * landmarks > PAIRS:
             raise InvalidInputError(
                 f"sightings: expected indices that leave few numbers out, got {len(problem)} sightings of "

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bearslam.coerce import FloatArray
 from bearslam.problem import Sightings
@@ -15,13 +18,19 @@ if TYPE_CHECKING:
 
     from bearslam.maps import MapLike
 
-__all__ = ["Reconstruction", "Termination", "Undetermined"]
+__all__ = ["FRAMES", "CovarianceFrame", "Reconstruction", "Termination", "Undetermined", "outliers", "per_sighting"]
+
+Entry = TypeVar("Entry", bound=np.generic)
 
 Termination: TypeAlias = Literal[
     "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "singular"
 ]
 """Why a refinement ended. The second, third and fourth are minima: the last step lowered the cost by less than the
 tolerance, there is nothing left to lower, or no step lowers it."""
+
+CovarianceFrame: TypeAlias = Literal["first_view", "free_network", "priors"]
+"""What is held while the rest varies."""
+FRAMES: tuple[CovarianceFrame, ...] = get_args(CovarianceFrame)
 
 
 @dataclass(frozen=True)
@@ -45,24 +54,27 @@ class Undetermined:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
-    """A map made from bearings alone, and how well it explains them.
+    """A map, and how well it explains the bearings.
 
     Attributes
     ----------
     poses : (m, 3) ndarray
-        Position and heading (x, y, theta) of each view, heading in (-pi, pi]; NaN where undetermined. The first
-        determined view is at the origin with heading 0, and the root-mean-square distance of the other views from it
-        is 1: bearings know no scale [that distance, rad].
+        Position and heading (x, y, theta) of each view, heading in (-pi, pi]; NaN where undetermined. From bearings
+        alone, the first determined view is at the origin with heading 0, and the root-mean-square distance of the other
+        views from it is 1: bearings know no scale [that distance, rad]. Odometry and priors say more: the scale is that
+        of the odometry, or of two known positions; the rotation that of a known heading or two known positions; the
+        place that of a known position. What they leave open is as without them.
     landmarks : (n, 2) ndarray
         Positions in the same frame; NaN where undetermined.
     sightings : Sightings
         The sightings that were explained, each with its standard deviation, in the order of `residuals`; those of an
         (m, n) array row by row.
     residuals : (m, n) or (k,) ndarray
-        Predicted minus measured bearing, in (-pi, pi], in the shape of the problem; NaN where nothing was seen or
-        nothing can be predicted [rad].
+        Predicted minus measured bearing, in (-pi, pi], or (-pi/2, pi/2] of bearings that are not oriented, in the shape
+        of the problem; NaN where nothing was seen or nothing can be predicted [rad].
     cost : float
-        Half the sum of the squares of residual over standard deviation.
+        Half the sum of the losses of residual over standard deviation, and of the squares of those of odometry and
+        priors.
     rms : float
         Root mean square of the residuals [rad].
     sensitivity : float
@@ -80,6 +92,9 @@ class Reconstruction:
         "not_refined" where there was none.
     iterations : int
         Steps that the refinement took.
+    inliers : (m, n) or (k,) ndarray of bool
+        Sightings that the map explains, in the shape of the problem: all with a residual, or with ``loss="truncated"``
+        those within its width. False where nothing was seen or nothing can be predicted.
     undetermined : tuple of Undetermined
         The views and landmarks that are NaN, with the reason.
     alternatives : tuple of Reconstruction
@@ -87,6 +102,17 @@ class Reconstruction:
     components : tuple of Reconstruction
         Maps of other views, that too few common landmarks tie to this one: the largest first, each in a gauge of its
         own, NaN beyond its views and landmarks. A landmark may be in several. What is `undetermined` is in none.
+    pose_covariance : (m, 3, 3) ndarray, or None
+        Covariance of each pose (x, y, theta), in the axes of the map, for the standard deviations that the problem
+        states, to first order [squares of the units of `poses`]. Infinite variances, and NaN beside them, are those of
+        what nothing holds; all is NaN where the pose is. None where it was not asked for, and for alternatives.
+    landmark_covariance : (n, 2, 2) ndarray, or None
+        The same for each landmark (x, y).
+    covariance_frame : {"first_view", "free_network", "priors"}, or None
+        What is held while the rest varies: a covariance means nothing without it; see `solve`.
+    oriented : bool
+        Whether bearings were taken as rays. If False they are lines, and every heading is known modulo pi only, each
+        for itself: it is given in (-pi/2, pi/2].
     view_ids, landmark_ids : tuple of str, or None
         The names that views and landmarks have in the file that the problem came from.
     """
@@ -102,9 +128,14 @@ class Reconstruction:
     converged: bool
     termination: Termination
     iterations: int
+    inliers: NDArray[np.bool_]
     undetermined: tuple[Undetermined, ...] = ()
     alternatives: tuple[Reconstruction, ...] = ()
     components: tuple[Reconstruction, ...] = ()
+    pose_covariance: FloatArray | None = None
+    landmark_covariance: FloatArray | None = None
+    covariance_frame: CovarianceFrame | None = None
+    oriented: bool = True
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 
@@ -117,6 +148,9 @@ class Reconstruction:
 
     def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
         """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
+
+        Where there are covariances, positions have an ellipse that covers 95 % of a Gaussian distribution. Outliers
+        among the bearings are dashed.
 
         Parameters
         ----------
@@ -154,3 +188,15 @@ class Reconstruction:
         from bearslam.files import save
 
         save(self, path)
+
+
+def per_sighting(result: Reconstruction, values: NDArray[Entry]) -> NDArray[Entry]:
+    """Values in the shape of the problem, one for each of its sightings."""
+    return values[result.sightings.view, result.sightings.landmark] if values.ndim == 2 else values
+
+
+def outliers(result: Reconstruction) -> NDArray[np.bool_]:
+    """Which sightings, in their order, the map could explain but does not."""
+    residuals, inliers = per_sighting(result, result.residuals), per_sighting(result, result.inliers)
+    wrong: NDArray[np.bool_] = np.isfinite(residuals) & ~inliers
+    return wrong

@@ -8,12 +8,18 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from bearslam.reconstruction import Reconstruction
+from bearslam.reconstruction import Reconstruction, outliers, per_sighting
 
 __all__ = ["columns", "describe", "listing", "percent", "printable"]
 
 SHOWN = 20
 """Rows of a listing that are printed; a file has them all."""
+FRAME = {
+    "first_view": "the first view held",
+    "free_network": "nothing moving on the whole",
+    "priors": "as odometry and priors fix it",
+}
+"""Frames of covariances in words."""
 
 
 def describe(result: Reconstruction) -> str:
@@ -29,6 +35,11 @@ def describe(result: Reconstruction) -> str:
         lines.append(f"uncertainty {percent(result.uncertainty)} of the map's size where the bearings hold it least")
     elif not math.isnan(result.sensitivity):
         lines.append("uncertainty unknown: with no sightings to spare, the residuals say nothing about the errors")
+    if result.covariance_frame is not None:
+        lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
+    if not result.oriented:
+        lines.append("bearings are lines: every heading is known modulo 180 deg, each for itself")
+    lines += _outliers(result)
     for one in result.undetermined:
         ids = result.view_ids if one.kind == "view" else result.landmark_ids
         name = one.index if ids is None else ids[one.index]
@@ -43,6 +54,22 @@ def describe(result: Reconstruction) -> str:
         for other in result.components
     ]
     return "\n".join(lines)
+
+
+def _outliers(result: Reconstruction) -> list[str]:
+    """Which view saw which landmark where it is not."""
+    wrong = np.flatnonzero(outliers(result))
+    if len(wrong) == 0:
+        return []
+    seen, degrees = result.sightings, np.degrees(per_sighting(result, result.residuals))
+    views, landmarks = result.view_ids or range(len(result.poses)), result.landmark_ids or range(len(result.landmarks))
+    lines = [f"{len(wrong)} outlier{'s' if len(wrong) > 1 else ''} among the bearings:"]
+    lines += [
+        f"  view {printable(views[seen.view[k]])} of landmark {printable(landmarks[seen.landmark[k]])}: "
+        f"{degrees[k]:.4g} deg off"
+        for k in wrong[:SHOWN].tolist()
+    ]
+    return lines if len(wrong) <= SHOWN else [*lines, f"  ... and {len(wrong) - SHOWN} more"]
 
 
 def listing(result: Reconstruction) -> str:

@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.coerce import SEED_LIMIT, FloatArray, choice, real, whole
+from bearslam.coerce import SEED_LIMIT, FloatArray, choice, floats, real, whole
 from bearslam.errors import InvalidInputError
+from bearslam.priors import Odometry
 from bearslam.problem import Sightings
 
 __all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]
@@ -51,6 +53,35 @@ class Scene:
         """The bearings as parallel arrays, view by view."""
         view, landmark = np.nonzero(np.isfinite(self.bearings))
         return Sightings(view, landmark, self.bearings[view, landmark])
+
+    def odometry(self, sigma: ArrayLike, seed: int) -> Odometry:
+        """Motions from each view to the next, with Gaussian noise.
+
+        Parameters
+        ----------
+        sigma : (3,) array_like of float
+            Standard deviations of x, y and theta, above 0 [m, rad].
+        seed : int
+            The same seed gives the same noise.
+
+        Raises
+        ------
+        InvalidInputError
+            If a standard deviation is not above 0, or the seed is no seed.
+
+        Examples
+        --------
+        >>> from bearslam import simulate
+        >>> simulate("trajectory", 20, 9, noise=0.01, seed=1).odometry([0.02, 0.02, 0.01], seed=2)
+        <Odometry: 19 motions between 20 views>
+        """
+        x, y, theta = floats("sigma", sigma, (3,)).tolist()
+        each = (real("sigma[0]", x, 0.0, above=True), real("sigma[1]", y, 0.0, above=True))
+        delta = _core.odometry(
+            self.poses, (*each, real("sigma[2]", theta, 0.0, above=True)), whole("seed", seed, 0, SEED_LIMIT)
+        )
+        view = np.arange(len(delta))
+        return Odometry(view, view + 1, delta, (*each, theta))
 
 
 def simulate(

@@ -3,32 +3,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, TypeAlias, cast
+from typing import Literal, TypeAlias
 
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.coerce import Progress, choice, observer, real, whole
-from bearslam.diagnose import diagnose
+from bearslam.coerce import Progress, observer
+from bearslam.diagnose import diagnosed
 from bearslam.errors import DegenerateError
 from bearslam.maps import MapLike, pick
-from bearslam.problem import ProblemLike, Table, tabulate
-from bearslam.reconstruction import Reconstruction, Termination, Undetermined
+from bearslam.priors import LandmarkPriors, Odometry, PosePriors
+from bearslam.problem import ProblemLike
+from bearslam.raw import LOSSES, METHODS, Known, frame, ranked, refinement, search, wrapped
+from bearslam.reconstruction import CovarianceFrame, Reconstruction
 
-if TYPE_CHECKING:
-    from bearslam._core import RawReconstruction
-
-__all__ = ["METHODS", "Method", "initialize", "refine", "solve"]
+__all__ = ["LOSSES", "METHODS", "Loss", "Method", "initialize", "refine", "solve"]
 
 Method: TypeAlias = Literal["search", "calibrated", "projective", "incremental", "global"]
-METHODS = ("search", "calibrated", "projective", "incremental", "global")
+Loss: TypeAlias = Literal["squared", "huber", "cauchy", "truncated"]
 
 
 def solve(
     problem: ProblemLike,
     *,
     sigma: ArrayLike = 1.0,
+    loss: Loss = "squared",
+    loss_scale: float | None = None,
+    oriented: bool = True,
+    odometry: Odometry | None = None,
+    pose_priors: PosePriors | None = None,
+    landmark_priors: LandmarkPriors | None = None,
+    robust: bool = False,
+    covariance: bool | CovarianceFrame = False,
     method: Method = "search",
     triples: int = 24,
     grown: int = 6,
@@ -40,10 +46,11 @@ def solve(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Poses and landmarks from bearings alone: no odometry, no guess.
+    """Poses and landmarks from bearings, alone or with odometry and priors: no guess.
 
     The tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly, by
     resection and triangulation; the best of these are refined until one is beyond doubt; the least cost is the answer.
+    With odometry or priors a map is grown along them as well, and the answer is maximum a posteriori.
 
     Parameters
     ----------
@@ -52,7 +59,34 @@ def solve(
         where it does not [rad]. Three views with five landmarks or four with four are the least.
     sigma : float or array_like of float
         Standard deviation of all bearings or of each, in the shape of the problem [rad]. Sightings may come with their
-        own instead.
+        own instead. With the default only the cost and the covariances have another scale; a loss other than "squared",
+        odometry and priors weigh bearings against something, and need the true one, at most 0.5.
+    loss : {"squared", "huber", "cauchy", "truncated"}
+        How much a residual counts. "huber" lets outliers pull with a constant force, "cauchy" the less the farther out
+        they are, "truncated" not at all. The first map is found without it: many outliers need more. Odometry and
+        priors count with their squares.
+    robust : bool
+        Whether to expect outliers: landmarks taken for others, bearings off by pi, random ones. The map is the one that
+        explains most bearings to within three standard deviations, `inliers` says which. Needs the true `sigma`; `loss`
+        does not matter then. Up to a third of the bearings may be wrong.
+    loss_scale : float, optional
+        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", which keep 95 % of
+        the efficiency of least squares, and 3 for "truncated".
+    oriented : bool
+        Whether bearings are rays. False for lines, known modulo pi only: headings are then known modulo pi as well,
+        each for itself.
+    odometry : Odometry, optional
+        Measured motions between views. They know the scale.
+    pose_priors : PosePriors, optional
+        Poses known beforehand, or parts of them: a compass knows headings.
+    landmark_priors : LandmarkPriors, optional
+        Landmarks whose position is known beforehand.
+    covariance : bool or {"first_view", "free_network", "priors"}
+        Whether to compute the covariances of poses and landmarks, and in which frame. "first_view": what odometry and
+        priors leave open is held as it is in the result, at the first view and the distance of the others from it.
+        "free_network": of what they leave open, nothing moves on the whole; the covariance after the map has been laid
+        over the truth by all its positions. "priors": they leave nothing open. True is "priors" if they do, and
+        "first_view" otherwise.
     method : {"search", "calibrated", "projective", "incremental", "global"}
         "search" tries many triples. "calibrated" and "projective" are the path of the paper: they start from the first
         three views, with the tensor of that name (see `three_view`), and choose between its two solutions by a fourth.
@@ -89,10 +123,12 @@ def solve(
     Raises
     ------
     InvalidInputError
-        If an argument is out of range, a landmark is seen twice by a view, or there are too few sightings.
+        If an argument is out of range, a landmark is seen twice by a view, there are too few sightings, or `sigma` is
+        no standard deviation where one is needed.
     DegenerateError
         If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place.
-        Its `diagnosis` says what is wrong, and what to add.
+        Its `diagnosis` says what is wrong, and what to add. If covariances are asked for in the frame "priors", and
+        odometry and priors leave something open.
 
     See Also
     --------
@@ -102,7 +138,7 @@ def solve(
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002.
+    Dellaert and Stroupe, ICRA 2002; section 2.2 for odometry.
 
     Examples
     --------
@@ -116,42 +152,54 @@ def solve(
     >>> bool(np.allclose(similarity.apply_poses(result.poses), scene.poses, atol=1e-6))
     True
 
+    Odometry knows the scale, and what is known to which accuracy can be asked:
+
+    >>> noise = 0.01
+    >>> scene = simulate("trajectory", 30, 20, noise=noise, seed=1, sight=2.0)
+    >>> odometry = scene.odometry([0.01, 0.01, 0.01], seed=2)
+    >>> result = solve(scene.bearings, sigma=noise, odometry=odometry, covariance=True)
+    >>> result.covariance_frame, result.pose_covariance.shape
+    ('first_view', (30, 3, 3))
+
     Two views never determine a map:
 
     >>> solve(scene.bearings[:2])
     Traceback (most recent call last):
     bearslam.errors.InvalidInputError: ...
     """
-    table = tabulate(problem, sigma)
+    known = Known(
+        problem,
+        sigma,
+        loss=loss,
+        oriented=oriented,
+        odometry=odometry,
+        pose_priors=pose_priors,
+        landmark_priors=landmark_priors,
+    )
+    wanted = frame(covariance)
+    how = search(
+        method=method, triples=triples, grown=grown, candidates=candidates, swept=swept, seed=seed, robust=robust
+    )
+    refining = refinement(
+        loss=loss, loss_scale=loss_scale, max_iterations=max_iterations, damping=damping, tolerance=tolerance
+    )
+    if how["robust"]:
+        known.require_sigma("robust=True")
     try:
-        raws = _core.solve(
-            table.views,
-            table.landmarks,
-            table.sightings.view,
-            table.sightings.landmark,
-            table.sightings.bearing,
-            table.sigma,
-            method=choice("method", method, METHODS),
-            triples=whole("triples", triples, 1),
-            grown=whole("grown", grown, 1),
-            candidates=whole("candidates", candidates, 1),
-            swept=whole("swept", swept, 0),
-            max_iterations=whole("max_iterations", max_iterations, 1),
-            damping=real("damping", damping, 0.0),
-            tolerance=real("tolerance", tolerance, 0.0),
-            seed=whole("seed", seed, 0),
-            progress=observer(progress),
-        )
+        raws = _core.solve(known.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
-        error.diagnosis = diagnose(problem, sigma=sigma, progress=progress)
+        error.diagnosis = diagnosed(known, None, None, progress)
         raise
-    return _ranked(table, raws)
+    return ranked(known, raws)
 
 
 def initialize(
     problem: ProblemLike,
     *,
     sigma: ArrayLike = 1.0,
+    loss: Loss = "squared",
+    loss_scale: float | None = None,
+    oriented: bool = True,
     method: Method = "search",
     triples: int = 24,
     grown: int = 6,
@@ -162,8 +210,10 @@ def initialize(
 
     Parameters
     ----------
-    problem, sigma, method, triples, grown, seed, progress
+    problem, sigma, oriented, method, triples, grown, seed, progress
         As for `solve`.
+    loss, loss_scale
+        As for `solve`: how the maps are judged.
 
     Returns
     -------
@@ -187,21 +237,14 @@ def initialize(
     >>> linear.cost > solve(scene.bearings).cost
     True
     """
-    table = tabulate(problem, sigma)
+    known = Known(problem, sigma, loss=loss, oriented=oriented)
     raws = _core.initialize(
-        table.views,
-        table.landmarks,
-        table.sightings.view,
-        table.sightings.landmark,
-        table.sightings.bearing,
-        table.sigma,
-        method=choice("method", method, METHODS),
-        triples=whole("triples", triples, 1),
-        grown=whole("grown", grown, 1),
-        seed=whole("seed", seed, 0),
-        progress=observer(progress),
+        known.raw,
+        search(method=method, triples=triples, grown=grown, seed=seed),
+        refinement(loss=loss, loss_scale=loss_scale),
+        observer(progress),
     )
-    return _ranked(table, raws)
+    return ranked(known, raws)
 
 
 def refine(
@@ -209,24 +252,34 @@ def refine(
     start: MapLike,
     *,
     sigma: ArrayLike = 1.0,
+    loss: Loss = "squared",
+    loss_scale: float | None = None,
+    oriented: bool = True,
+    odometry: Odometry | None = None,
+    pose_priors: PosePriors | None = None,
+    landmark_priors: LandmarkPriors | None = None,
+    covariance: bool | CovarianceFrame = False,
     max_iterations: int = 100,
     damping: float = 1e-4,
     tolerance: float = 1e-10,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Nearest map of least squared bearing residuals, by Levenberg-Marquardt from a start.
+    """Nearest map of least cost, by Levenberg-Marquardt from a start.
 
     Parameters
     ----------
-    problem, sigma, max_iterations, damping, tolerance, progress
+    problem, sigma, loss, loss_scale, oriented, odometry, pose_priors, landmark_priors, covariance
+        As for `solve`.
+    max_iterations, damping, tolerance, progress
         As for `solve`.
     start : Reconstruction, Scene or (poses, landmarks)
-        Poses (m, 3) and landmarks (n, 2) to start at, in any frame and scale; NaN for what is to be left out.
+        Poses (m, 3) and landmarks (n, 2) to start at; NaN for what is to be left out. In any frame and scale without
+        odometry and priors, in theirs otherwise.
 
     Returns
     -------
     Reconstruction
-        The minimum that was reached, in the gauge of every reconstruction (the first view at the origin).
+        The minimum that was reached, in the gauge of every reconstruction.
 
     Raises
     ------
@@ -247,49 +300,24 @@ def refine(
     >>> result.converged
     True
     """
-    table = tabulate(problem, sigma)
-    guess = pick("start", start, table.views, table.landmarks)
+    known = Known(
+        problem,
+        sigma,
+        loss=loss,
+        oriented=oriented,
+        odometry=odometry,
+        pose_priors=pose_priors,
+        landmark_priors=landmark_priors,
+    )
+    guess = pick("start", start, known.table.views, known.table.landmarks)
     raw = _core.refine(
-        table.views,
-        table.landmarks,
-        table.sightings.view,
-        table.sightings.landmark,
-        table.sightings.bearing,
-        table.sigma,
+        known.raw,
         guess.poses,
         guess.landmarks,
-        max_iterations=whole("max_iterations", max_iterations, 1),
-        damping=real("damping", damping, 0.0),
-        tolerance=real("tolerance", tolerance, 0.0),
-        progress=observer(progress),
-    )
-    return _wrapped(table, raw, ())
-
-
-def _ranked(table: Table, raws: Sequence[RawReconstruction]) -> Reconstruction:
-    winner, *others = raws
-    return _wrapped(table, winner, tuple(_wrapped(table, other, ()) for other in others))
-
-
-def _wrapped(table: Table, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...]) -> Reconstruction:
-    return Reconstruction(
-        poses=raw["poses"],
-        landmarks=raw["landmarks"],
-        sightings=table.sightings,
-        residuals=table.restore(raw["residuals"]),
-        cost=raw["cost"],
-        rms=raw["rms"],
-        sensitivity=raw["sensitivity"],
-        uncertainty=raw["uncertainty"],
-        converged=raw["converged"],
-        termination=cast("Termination", raw["termination"]),
-        iterations=raw["iterations"],
-        undetermined=tuple(
-            Undetermined(cast("Literal['view', 'landmark']", kind), index, reason)
-            for kind, index, reason in raw["undetermined"]
+        refinement(
+            loss=loss, loss_scale=loss_scale, max_iterations=max_iterations, damping=damping, tolerance=tolerance
         ),
-        alternatives=alternatives,
-        components=tuple(_wrapped(table, other, ()) for other in raw["components"]),
-        view_ids=table.view_ids,
-        landmark_ids=table.landmark_ids,
+        frame(covariance),
+        observer(progress),
     )
+    return wrapped(known, raw)

@@ -301,6 +301,13 @@ impl Transformation {
         let cross = lift * self.spread.rows(parameter, width).transpose();
         let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
         let mut block = (&full + full.transpose()) * 0.5;
+        for k in 0..width {
+            // What the frame holds has rounding for a variance, of either sign.
+            if block[(k, k)] < 0.0 {
+                block.row_mut(k).fill(0.0);
+                block.column_mut(k).fill(0.0);
+            }
+        }
         for direction in &self.free {
             let largest = direction.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
             for k in 0..width {

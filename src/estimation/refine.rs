@@ -92,6 +92,8 @@ pub struct Report<T: Real> {
     pub iterations: usize,
     /// Views and landmarks that had no start or too few sightings, and why.
     pub undetermined: Vec<Undetermined>,
+    /// How residuals have counted.
+    pub loss: Loss<T>,
 }
 
 /// Called once per iteration with the number of iterations and the cost; `false` stops the work.
@@ -167,6 +169,7 @@ pub fn refine_map<T: Real>(
         termination,
         iterations,
         undetermined,
+        loss: options.loss,
     })
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Arrays and errors across the border.
 
-use crate::{Bearing, Error, Map, Pose, Problem, Sighting, Triple};
+use crate::{Bearing, Error, Map, Pose, Triple};
 use alloc::string::String;
 use alloc::vec::Vec;
 use nalgebra::{Point2, UnitComplex};
@@ -52,7 +52,7 @@ pub fn error(py: Python<'_>, error: Error) -> PyErr {
 }
 
 /// The entries in C order, after a check of the shape (`None` stands for any length).
-fn entries(
+pub fn entries(
     py: Python<'_>,
     name: &str,
     array: &Floats<'_>,
@@ -192,57 +192,30 @@ pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<
     })
 }
 
-pub fn problem(
+/// Indices from 0, as many as `length` says.
+pub fn indices(
     py: Python<'_>,
-    views: usize,
-    landmarks: usize,
-    view: &Indices<'_>,
-    landmark: &Indices<'_>,
-    bearing: &Floats<'_>,
-    sigma: &Floats<'_>,
-) -> PyResult<Problem<f64>> {
-    let bearing = entries(py, "bearing", bearing, &[None])?;
-    let sigma = entries(py, "sigma", sigma, &[Some(bearing.len())])?;
-    let index = |name: &str, array: &Indices<'_>| -> PyResult<Vec<usize>> {
-        if array.shape() != [bearing.len()] {
-            return Err(invalid(
+    name: &str,
+    array: &Indices<'_>,
+    length: Option<usize>,
+) -> PyResult<Vec<usize>> {
+    let shape = array.shape();
+    if shape.len() != 1 || length.is_some_and(|length| length != shape[0]) {
+        let wanted = length.map_or_else(|| "any".into(), |length| format!("{length}"));
+        return Err(invalid(
+            py,
+            &format!("{name}: expected an array of shape ({wanted}), got {shape:?}"),
+        ));
+    }
+    let index = |(place, &value): (usize, &i64)| {
+        usize::try_from(value).map_err(|_| {
+            invalid(
                 py,
-                &format!(
-                    "{name}: expected an array of shape ({}), got {:?}",
-                    bearing.len(),
-                    array.shape()
-                ),
-            ));
-        }
-        array
-            .as_array()
-            .iter()
-            .enumerate()
-            .map(|(place, &value)| {
-                usize::try_from(value).map_err(|_| {
-                    invalid(
-                        py,
-                        &format!("{name}: expected indices from 0, got {value} at index {place}"),
-                    )
-                })
-            })
-            .collect()
-    };
-    let view = index("view", view)?;
-    let landmark = index("landmark", landmark)?;
-    let sightings: Vec<Sighting<f64>> = view
-        .iter()
-        .zip(&landmark)
-        .zip(bearing.iter().zip(&sigma))
-        .map(|((&view, &landmark), (&bearing, &sigma))| Sighting {
-            view,
-            landmark,
-            bearing,
-            sigma,
+                &format!("{name}: expected indices from 0, got {value} at index {place}"),
+            )
         })
-        .collect();
-    py.detach(|| Problem::new(views, landmarks, &sightings))
-        .map_err(|problem| error(py, problem))
+    };
+    array.as_array().iter().enumerate().map(index).collect()
 }
 
 /// The angle of a rotation in (-pi, pi].

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The diagnosis as a dictionary.
 
-use super::convert::{self, Floats, Indices};
+use super::convert::{self, Floats};
+use super::problem::RawProblem;
 use super::watch::Watcher;
 use crate::{Diagnosis, Subject};
 use alloc::vec::Vec;
@@ -11,23 +12,16 @@ use pyo3::types::PyDict;
 use std::format;
 
 #[pyfunction]
-#[pyo3(signature = (views, landmarks, view, landmark, bearing, sigma, poses, points, *, progress))]
-#[expect(clippy::too_many_arguments, reason = "the stub names them all")]
 pub fn diagnose<'py>(
     py: Python<'py>,
-    views: usize,
-    landmarks: usize,
-    view: Indices<'py>,
-    landmark: Indices<'py>,
-    bearing: Floats<'py>,
-    sigma: Floats<'py>,
+    problem: RawProblem<'py>,
     poses: Option<Floats<'py>>,
-    points: Option<Floats<'py>>,
+    landmarks: Option<Floats<'py>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let problem = convert::problem(py, views, landmarks, &view, &landmark, &bearing, &sigma)?;
-    let map = match (poses, points) {
-        (Some(poses), Some(points)) => Some(convert::map(py, &poses, &points)?),
+    let problem = problem.read(py)?;
+    let map = match (poses, landmarks) {
+        (Some(poses), Some(landmarks)) => Some(convert::map(py, &poses, &landmarks)?),
         _ => None,
     };
     let found = Watcher::run(py, progress, |watch| {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a reconstruction returns.
 
-use crate::estimation::{Map, Problem, Report, Termination, Undetermined};
+use crate::estimation::{Loss, Map, Problem, Report, Termination, Undetermined};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 
@@ -25,7 +25,7 @@ pub struct Reconstruction<T: Real> {
     pub residuals: Vec<Option<T>>,
     /// Which sightings made the map, in the order of the problem's input. With
     /// [`SolveOptions::robust`](crate::SolveOptions::robust) those whose residual is at most three
-    /// sigma; without, all that have a residual.
+    /// sigma, with a truncated loss those within its width; otherwise all that have a residual.
     pub inliers: Vec<bool>,
     /// Degrees of freedom: inliers between what is determined, less parameters, but for the four of
     /// the gauge.
@@ -59,10 +59,17 @@ impl<T: Real> Reconstruction<T> {
     pub(super) fn new(problem: &Problem<T>, map: &Map<T>, report: Report<T>) -> Self {
         let map = map.framed(problem);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
+        let mut inliers = alloc::vec![false; residuals.len()];
         let (mut squares, mut count) = (T::zero(), T::zero());
-        for (&place, residual) in problem.input_order().iter().zip(map.residuals(problem)) {
+        let all = problem.input_order().iter().zip(map.residuals(problem));
+        for (k, (&place, residual)) in all.enumerate() {
             residuals[place] = residual;
             if let Some(r) = residual {
+                let weight = problem.sightings()[k].weight;
+                inliers[place] = match report.loss {
+                    Loss::Truncated(width) => r.abs() * weight <= width,
+                    _ => true,
+                };
                 squares += r * r;
                 count += T::one();
             }
@@ -71,7 +78,7 @@ impl<T: Real> Reconstruction<T> {
             cost: report.cost,
             rms: (squares / count.max(T::one())).sqrt(),
             freedom: freedom(problem, &map, &residuals),
-            inliers: residuals.iter().map(Option::is_some).collect(),
+            inliers,
             residuals,
             map,
             termination: report.termination,

@@ -72,6 +72,7 @@ pub fn initialize<T: Real>(
                     termination: Termination::NotRefined,
                     iterations: 0,
                     undetermined,
+                    loss: options.refine.loss,
                 },
             )
         });

@@ -62,6 +62,30 @@ TABLE = [
     (lambda: bearslam.solve(SEEN, tolerance=np.nan), "tolerance: expected a number of at least 0, got nan"),
     (lambda: bearslam.solve(SEEN, tolerance="0"), "tolerance: expected a number of at least 0, got '0'"),
     (lambda: bearslam.solve(SEEN, seed=-1), "seed: expected an integer from 0"),
+    (
+        lambda: bearslam.solve(SEEN, loss="l1"),
+        "loss: expected 'squared' or 'huber' or 'cauchy' or 'truncated', got 'l1",
+    ),
+    (lambda: bearslam.initialize(SEEN, loss=2), "loss: expected 'squared' or 'huber'"),
+    (
+        lambda: bearslam.solve(SEEN, loss="huber"),
+        "sigma: expected the standard deviation of a bearing in radians, at most 0.5, which loss='huber' needs; got 1$",
+    ),
+    (lambda: bearslam.refine(SEEN, SCENE, sigma=30, loss="cauchy"), "sigma: expected the standard deviation .* got 30"),
+    (
+        lambda: bearslam.solve(SEEN, odometry=SCENE.odometry([0.1, 0.1, 0.1], seed=0)),
+        "sigma: expected the standard deviation of a bearing in radians, at most 0.5, which odometry needs; got 1$",
+    ),
+    (lambda: bearslam.solve(SEEN, sigma=0.1, loss="huber", loss_scale=0), "loss_scale: expected a number above 0"),
+    (lambda: bearslam.solve(SEEN, loss_scale=2.0), "loss_scale: expected None, for squares have no width, got 2.0"),
+    (lambda: bearslam.solve(SEEN, oriented=0), "oriented: expected True or False, got 0"),
+    (lambda: bearslam.solve(SEEN, odometry=SCENE), "odometry: expected None or Odometry, got Scene"),
+    (lambda: bearslam.solve(SEEN, pose_priors=[1]), "pose_priors: expected None or PosePriors, got list"),
+    (lambda: bearslam.solve(SEEN, landmark_priors=0), "landmark_priors: expected None or LandmarkPriors, got int"),
+    (
+        lambda: bearslam.solve(SEEN, covariance="origin"),
+        "covariance: expected False, True or one of 'first_view', 'free_network', 'priors', got 'origin'",
+    ),
     (lambda: bearslam.solve(SEEN, progress=3), "progress: expected None or a function"),
     (lambda: bearslam.solve(bearslam.Sightings([0, 0], [1, 1], [0.1, 0.2])), "."),
     (
@@ -136,6 +160,12 @@ def test_no_object_whatever_gets_another_error(value):
         lambda: bearslam.Sightings(value, value, value),
         lambda: bearslam.solve(SEEN, damping=value, max_iterations=2),
         lambda: bearslam.solve(SEEN, seed=value, max_iterations=2),
+        lambda: bearslam.solve(SEEN, sigma=0.01, loss="huber", loss_scale=value, max_iterations=2),
+        lambda: bearslam.solve(SEEN, covariance=value, max_iterations=2),
+        lambda: bearslam.Odometry(value, value, value, value),
+        lambda: bearslam.Odometry([0], [1], [[1, 0, 0]], value),
+        lambda: bearslam.PosePriors([0], [[1, 0, 0]], value),
+        lambda: bearslam.LandmarkPriors([0], value, value),
     ]
     for call in calls:
         try:

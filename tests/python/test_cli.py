@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The command line."""
 
+import dataclasses
 import io
 import json
 import os
@@ -9,11 +10,13 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 import bearslam
 from bearslam.cli import main
 from bearslam.progress import ProgressLine
+from bearslam.report import describe
 
 from .test_files import BAD
 
@@ -72,6 +75,67 @@ def test_options_reach_the_solver(scene, tmp_path):
     out = tmp_path / "map.json"
     assert main(["solve", str(scene), "-o", str(out), "--method", "projective", "--max-iterations", "1"]) == 0
     assert json.loads(out.read_text())["iterations"] <= 1
+
+
+def test_outliers_are_named(tmp_path, capsys):
+    seen = bearslam.simulate("enclosed", 8, 15, noise=0.002, seed=1).sightings
+    bearing = seen.bearing.copy()
+    bearing[19] += 0.2  # of the fifth landmark, by the second view
+    path, out = tmp_path / "scene.csv", tmp_path / "map.json"
+    sightings = bearslam.Sightings(seen.view, seen.landmark, bearing, 0.002)
+    names = [f"robot {i}" for i in range(8)], [f"mark {j}" for j in range(15)]
+    bearslam.save(bearslam.Problem(sightings, *names), path)
+    assert main(["solve", str(path), "--loss", "truncated", "--loss-scale", "6", "-o", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "1 outlier among the bearings:\n  view robot 1 of landmark mark 4: -11." in text
+    saved = json.loads(out.read_text())
+    assert [k for k, inlier in enumerate(saved["sightings"]["inlier"]) if not inlier] == [19]
+
+
+def test_more_outliers_than_fit_are_counted():
+    scene = bearslam.simulate("enclosed", 8, 15, noise=0.002, seed=1)
+    result = bearslam.solve(scene.bearings, sigma=0.002)
+    text = describe(dataclasses.replace(result, inliers=np.zeros((8, 15), dtype=bool)))
+    lines = text.splitlines()
+    assert "120 outliers among the bearings:" in lines
+    assert sum(line.startswith("  view ") for line in lines) == 20
+    assert "  ... and 100 more" in lines
+
+
+def test_a_loss_needs_a_standard_deviation(scene, capsys):
+    assert main(["solve", str(scene), "--loss", "huber"]) == 1
+    assert complaint(capsys) == (
+        "--loss: huber needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "frame"), [(["--covariance"], "first_view"), (["--covariance", "free_network"], "free_network")]
+)
+def test_covariances_are_asked_for(scene, tmp_path, capsys, arguments, frame):
+    out = tmp_path / "map.json"
+    assert main(["solve", str(scene), "--sigma-deg", "1", *arguments, "-o", str(out)]) == 0
+    assert f"covariances in the frame {frame} (" in capsys.readouterr().out
+    saved = json.loads(out.read_text())
+    assert saved["covariance_frame"] == frame
+    expected = bearslam.solve(bearslam.load(scene), sigma=3.141592653589793 / 180, covariance=frame)
+    assert saved["landmarks"][3]["covariance"] == expected.landmark_covariance[3].tolist()
+
+
+def test_a_frame_that_nothing_fixes_is_an_error(scene, capsys):
+    assert main(["solve", str(scene), "--covariance", "priors"]) == 1
+    assert "odometry and priors leave free" in complaint(capsys)
+
+
+def test_lines_instead_of_rays(tmp_path, capsys):
+    scene, path = bearslam.simulate("mixed", 6, 10, noise=0.002, seed=3), tmp_path / "lines.csv"
+    bearings = scene.bearings.copy()
+    bearings[1::2, ::3] += 3.141592653589793
+    bearslam.save(bearings, path)
+    assert main(["solve", str(path), "--sigma-deg", "0.1", "--unoriented"]) == 0
+    text = capsys.readouterr().out
+    assert "every heading is known modulo 180 deg" in text
+    assert float(text.split("residual rms ")[1].split()[0]) < 0.2
 
 
 def test_standard_input_and_output_make_a_pipe():

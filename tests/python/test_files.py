@@ -2,6 +2,7 @@
 """Sightings and maps in files."""
 
 import csv
+import dataclasses
 import io
 import json
 import math
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
+from bearslam.report import describe
 from bearslam.sightings_file import parse, render
 
 GOOD = """\
@@ -170,6 +172,44 @@ def test_a_map_as_json_has_everything(result, tmp_path):
     assert saved["sightings"]["bearing"] == result.sightings.bearing.tolist()
     assert saved["sightings"]["residual"].count(None) == 1
     assert len(saved["alternatives"]) == len(result.alternatives)
+
+
+def test_covariances_and_outliers_are_saved(tmp_path):
+    scene = bearslam.simulate("enclosed", 6, 10, noise=0.002, seed=8)
+    bearings = scene.bearings.copy()
+    bearings[1:, 9] = np.nan
+    bearings[2, 3] += 0.2
+    result = bearslam.refine(bearings, scene, sigma=0.002, loss="truncated", loss_scale=5.0, covariance=True)
+    path = tmp_path / "map.json"
+    result.save(path)
+    saved = json.loads(path.read_text(), parse_constant=pytest.fail)
+    assert saved["covariance_frame"] == "first_view"
+    assert saved["oriented"] is True
+    assert [view["covariance"] for view in saved["views"]] == result.pose_covariance.tolist()
+    assert saved["landmarks"][4]["covariance"] == result.landmark_covariance[4].tolist()
+    assert saved["landmarks"][9]["covariance"] == [[None, None], [None, None]]
+    seen = saved["sightings"]
+    wrong = [k for k, inlier in enumerate(seen["inlier"]) if not inlier]
+    # One bearing is of a landmark that nothing else sees, the other is wrong.
+    assert [(seen["view"][k], seen["landmark"][k]) for k in wrong] == [(0, 9), (2, 3)]
+    assert saved["components"] == []
+
+
+def test_components_are_saved_and_told(result, tmp_path):
+    poses = np.vstack([np.full((4, 3), np.nan), [[0, 0, 0]]])
+    piece = dataclasses.replace(result, poses=poses, landmarks=np.full((9, 2), np.nan))
+    both = dataclasses.replace(result, components=(piece,))
+    both.save(tmp_path / "map.json")
+    saved = json.loads((tmp_path / "map.json").read_text())
+    assert [view["x"] for view in saved["components"][0]["views"]] == [None] * 4 + [0.0]
+    assert "component in a frame of its own: 1 views, 0 landmarks" in describe(both)
+
+
+def test_a_map_without_covariances_says_nothing_of_them(result, tmp_path):
+    result.save(tmp_path / "map.json")
+    saved = json.loads((tmp_path / "map.json").read_text())
+    assert saved["covariance_frame"] is None
+    assert set(saved["views"][0]) == {"id", "x", "y", "theta"}
 
 
 def test_a_map_as_csv_has_poses_and_landmarks(result, tmp_path):

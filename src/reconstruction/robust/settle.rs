@@ -8,7 +8,7 @@ use super::super::minima::same;
 use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
 use crate::error::Error;
-use crate::estimation::{Map, Problem, RefineOptions, Report, refine_map};
+use crate::estimation::{Loss, Map, Problem, RefineOptions, Report, refine_map};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 
@@ -129,6 +129,7 @@ impl<T: Real> Settled<T> {
                 termination: found.termination,
                 iterations: found.iterations,
                 undetermined: found.undetermined,
+                loss: Loss::Squared,
             },
             map: found.map,
         }
