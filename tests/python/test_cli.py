@@ -105,7 +105,7 @@ def test_more_outliers_than_fit_are_counted():
 def test_a_loss_needs_a_standard_deviation(scene, capsys):
     assert main(["solve", str(scene), "--loss", "huber"]) == 1
     assert complaint(capsys) == (
-        "--loss: huber needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
+        "--loss huber: needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
     )
 
 

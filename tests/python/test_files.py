@@ -202,7 +202,7 @@ def test_components_are_saved_and_told(result, tmp_path):
     both.save(tmp_path / "map.json")
     saved = json.loads((tmp_path / "map.json").read_text())
     assert [view["x"] for view in saved["components"][0]["views"]] == [None] * 4 + [0.0]
-    assert "component in a frame of its own: 1 views, 0 landmarks" in describe(both)
+    assert "separate map: 1 views, 0 landmarks" in describe(both)
 
 
 def test_a_map_without_covariances_says_nothing_of_them(result, tmp_path):
