@@ -122,9 +122,7 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
     verb.add_argument("-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv")
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
     verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
-    verb.add_argument(
-        "--robust", action="store_true", help="expect wrong bearings: wrong landmarks, half turns, any"
-    )
+    verb.add_argument("--robust", action="store_true", help="expect wrong bearings: wrong landmarks, half turns, any")
     verb.add_argument("--unoriented", action="store_true", help="bearings are lines, known modulo half a turn")
     verb.add_argument(
         "--covariance",

@@ -74,9 +74,9 @@ class Reconstruction:
         of the problem; NaN where nothing was seen or nothing can be predicted [rad].
     cost : float
         Half the sum of the losses of residual over standard deviation, and of the squares of those of odometry and
-        priors.
+        priors. With ``robust=True`` no bearing counts for more than 9, the square of three standard deviations.
     rms : float
-        Root mean square of the residuals [rad].
+        Root mean square of the residuals, with ``robust=True`` of the inliers [rad].
     sensitivity : float
         Predicted standard deviation of the map, as a share of its size, in the direction that the bearings hold least,
         for residuals of one standard deviation. NaN where it was not computed: for alternatives and by `initialize`.
@@ -93,8 +93,9 @@ class Reconstruction:
     iterations : int
         Steps that the refinement took.
     inliers : (m, n) or (k,) ndarray of bool
-        Sightings that the map explains, in the shape of the problem: all with a residual, or with ``loss="truncated"``
-        those within its width. False where nothing was seen or nothing can be predicted.
+        Sightings that the map explains, in the shape of the problem: all with a residual, or with ``robust=True`` those
+        within three standard deviations, with ``loss="truncated"`` those within its width. False where nothing was seen
+        or nothing can be predicted.
     undetermined : tuple of Undetermined
         The views and landmarks that are NaN, with the reason.
     alternatives : tuple of Reconstruction
@@ -105,7 +106,8 @@ class Reconstruction:
     pose_covariance : (m, 3, 3) ndarray, or None
         Covariance of each pose (x, y, theta), in the axes of the map, for the standard deviations that the problem
         states, to first order [squares of the units of `poses`]. Infinite variances, and NaN beside them, are those of
-        what nothing holds; all is NaN where the pose is. None where it was not asked for, and for alternatives.
+        what nothing holds; all is NaN where the pose is. None where it was not asked for, and for alternatives and
+        components.
     landmark_covariance : (n, 2, 2) ndarray, or None
         The same for each landmark (x, y).
     covariance_frame : {"first_view", "free_network", "priors"}, or None

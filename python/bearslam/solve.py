@@ -19,6 +19,9 @@ from bearslam.reconstruction import CovarianceFrame, Reconstruction
 
 __all__ = ["LOSSES", "METHODS", "Loss", "Method", "initialize", "refine", "solve"]
 
+NO_FRAME = "odometry and priors leave free"
+"""What a `DegenerateError` says of covariances in the frame "priors" when there is no such frame."""
+
 Method: TypeAlias = Literal["search", "calibrated", "projective", "incremental", "global"]
 Loss: TypeAlias = Literal["squared", "huber", "cauchy", "truncated"]
 
@@ -63,7 +66,7 @@ def solve(
         odometry and priors weigh bearings against something, and need the true one, at most 0.5.
     loss : {"squared", "huber", "cauchy", "truncated"}
         How much a residual counts. "huber" lets outliers pull with a constant force, "cauchy" the less the farther out
-        they are, "truncated" not at all. The first map is found without it: many outliers need more. Odometry and
+        they are, "truncated" not at all. The first map is found without it: many outliers need `robust`. Odometry and
         priors count with their squares.
     robust : bool
         Whether to expect outliers: landmarks taken for others, bearings off by pi, random ones. The map is the one that
@@ -188,7 +191,8 @@ def solve(
     try:
         raws = _core.solve(known.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
-        error.diagnosis = diagnosed(known, None, None, progress)
+        if NO_FRAME not in error.quantity:  # else the map is as good as it was; the frame asked for is none
+            error.diagnosis = diagnosed(known, None, None, progress)
         raise
     return ranked(known, raws)
 

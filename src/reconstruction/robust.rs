@@ -126,10 +126,11 @@ pub(super) fn from_start<T: Real>(
         loss: Loss::Squared,
         ..options.refine
     };
-    match refine_map(problem, &mut map, &soft, None) {
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
-        // What cannot be refined as a whole may still have a part that can.
-        Ok(_) | Err(_) => {}
+    // What cannot be refined as a whole may still have a part that can.
+    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
+        refine_map(problem, &mut map, &soft, None)
+    {
+        return Err(error);
     }
     let Some(settled) = settle(problem, map, &plain)? else {
         return Ok(None);

@@ -78,6 +78,13 @@ TABLE = [
     ),
     (lambda: bearslam.solve(SEEN, sigma=0.1, loss="huber", loss_scale=0), "loss_scale: expected a number above 0"),
     (lambda: bearslam.solve(SEEN, loss_scale=2.0), "loss_scale: expected None, for squares have no width, got 2.0"),
+    (lambda: bearslam.solve(SEEN, robust=True), "sigma: expected the standard deviation .* robust=True needs; got 1$"),
+    (lambda: bearslam.solve(SEEN, sigma=0.4, robust=True), "sigma: outliers can be told only below 0.35 rad, got 0.4"),
+    (lambda: bearslam.solve(SEEN, sigma=0.1, robust=1), "robust: expected True or False, got 1"),
+    (
+        lambda: bearslam.solve(SEEN, method="global", oriented=False),
+        "expected oriented bearings, got bearings known mod",
+    ),
     (lambda: bearslam.solve(SEEN, oriented=0), "oriented: expected True or False, got 0"),
     (lambda: bearslam.solve(SEEN, odometry=SCENE), "odometry: expected None or Odometry, got Scene"),
     (lambda: bearslam.solve(SEEN, pose_priors=[1]), "pose_priors: expected None or PosePriors, got list"),

@@ -77,7 +77,8 @@ def test_options_reach_the_solver(scene, tmp_path):
     assert json.loads(out.read_text())["iterations"] <= 1
 
 
-def test_outliers_are_named(tmp_path, capsys):
+@pytest.mark.parametrize("arguments", [["--loss", "truncated", "--loss-scale", "6"], ["--robust"]])
+def test_outliers_are_named(tmp_path, capsys, arguments):
     seen = bearslam.simulate("enclosed", 8, 15, noise=0.002, seed=1).sightings
     bearing = seen.bearing.copy()
     bearing[19] += 0.2  # of the fifth landmark, by the second view
@@ -85,7 +86,7 @@ def test_outliers_are_named(tmp_path, capsys):
     sightings = bearslam.Sightings(seen.view, seen.landmark, bearing, 0.002)
     names = [f"robot {i}" for i in range(8)], [f"mark {j}" for j in range(15)]
     bearslam.save(bearslam.Problem(sightings, *names), path)
-    assert main(["solve", str(path), "--loss", "truncated", "--loss-scale", "6", "-o", str(out)]) == 0
+    assert main(["solve", str(path), *arguments, "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert "1 outlier among the bearings:\n  view robot 1 of landmark mark 4: -11." in text
     saved = json.loads(out.read_text())
@@ -102,10 +103,11 @@ def test_more_outliers_than_fit_are_counted():
     assert "  ... and 100 more" in lines
 
 
-def test_a_loss_needs_a_standard_deviation(scene, capsys):
-    assert main(["solve", str(scene), "--loss", "huber"]) == 1
+@pytest.mark.parametrize("arguments", [["--loss", "huber"], ["--robust"]])
+def test_what_tells_outliers_needs_a_standard_deviation(scene, capsys, arguments):
+    assert main(["solve", str(scene), *arguments]) == 1
     assert complaint(capsys) == (
-        "--loss huber: needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
+        f"{' '.join(arguments)}: needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
     )
 
 
