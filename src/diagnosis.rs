@@ -4,6 +4,7 @@
 //! `docs/theory.md` has the geometry, `docs/diagnosis.md` the list of findings.
 
 mod appearance;
+mod beyond;
 mod cause;
 mod counting;
 mod describe;

@@ -33,3 +33,4 @@ pub use refine::{RefineOptions, Report, Termination, Watch, refine_map};
 pub(crate) use refine::{cost, cost_of_ties};
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;
+pub(crate) use weakest::{Loose, loose_directions};

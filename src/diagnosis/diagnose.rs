@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The diagnosis: first what the sightings tell, then what a map tells.
 
+use super::beyond::look_beyond;
 use super::counting;
 use super::own::Own;
 use super::report::Diagnosis;
@@ -18,6 +19,9 @@ use alloc::vec::Vec;
 /// are explained by shapes of the map: landmarks along a wall, views in one place, everything on one
 /// circle and so on. The noise is that of the problem where its standard deviations are below 1,
 /// else that of the residuals.
+///
+/// With odometry or priors, and for maps of many unknowns, the weakest directions are those of the sparse
+/// normal equations, and shapes have no names.
 ///
 /// Never fails on degenerate, empty or disconnected problems: that is what it is for.
 ///
@@ -59,7 +63,12 @@ pub fn diagnose<T: Real>(
         }
     }
     let core = Core::of(problem);
-    let parts = core.parts(problem);
+    let alone = problem.ties().is_empty();
+    let parts = if alone {
+        core.parts(problem)
+    } else {
+        Vec::new()
+    };
     let mut diagnosis = Diagnosis {
         views: problem.views(),
         landmarks: problem.landmarks(),
@@ -74,6 +83,10 @@ pub fn diagnose<T: Real>(
         directions: Vec::new(),
         findings: Vec::new(),
     };
+    if !alone {
+        look_beyond(problem, map, &mut diagnosis, progress)?;
+        return Ok(sorted(diagnosis));
+    }
     let findings = &mut diagnosis.findings;
     findings.extend(counting::unseen(problem));
     findings.extend(counting::outside(problem, &core));
@@ -83,6 +96,7 @@ pub fn diagnose<T: Real>(
             views: (0..problem.views()).collect(),
             landmarks: (0..problem.landmarks()).collect(),
             sightings: problem.sightings().len(),
+            ties: (4, 0),
         };
         diagnosis.extra = counting::missing(&whole);
         findings.extend(counting::too_little(&whole));
@@ -92,10 +106,15 @@ pub fn diagnose<T: Real>(
         let own = Own::new(problem, part);
         look_at(&own, map, &mut diagnosis, &mut progress)?;
     }
+    Ok(sorted(diagnosis))
+}
+
+/// The worst first.
+fn sorted(mut diagnosis: Diagnosis) -> Diagnosis {
     diagnosis
         .findings
         .sort_by_key(|finding| (finding.severity, finding.kind));
-    Ok(diagnosis)
+    diagnosis
 }
 
 /// Adds what there is to say about a part.

@@ -15,6 +15,9 @@ pub struct Part {
     pub landmarks: Vec<usize>,
     /// Sightings between them.
     pub sightings: usize,
+    /// How many directions of the whole odometry and priors leave free, 4 without them; and how many
+    /// numbers they give.
+    pub ties: (usize, usize),
 }
 
 impl Part {
@@ -22,7 +25,10 @@ impl Part {
     /// are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
-        count(self.sightings) + 4 - 3 * count(self.views.len()) - 2 * count(self.landmarks.len())
+        let (free, numbers) = self.ties;
+        count(self.sightings + numbers + free)
+            - 3 * count(self.views.len())
+            - 2 * count(self.landmarks.len())
     }
 }
 
@@ -97,6 +103,7 @@ impl Core {
             views: Vec::new(),
             landmarks: Vec::new(),
             sightings: 0,
+            ties: (4, 0),
         };
         let mut parts = vec![empty; count];
         for (view, part) in part_of_view.iter().enumerate() {

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From what a map tells to findings.
 
+use super::beyond::weakest;
 use super::counting;
 use super::describe::{configuration, finding};
 use super::evidence::{Evidence, Judged};
-use super::examine::{Direction, Examination, WEAK, examine};
+use super::examine::{Direction, Examination, examine};
 use super::figure::Figure;
 use super::finding::{Finding, Kind, Severity, apart};
 use super::own::Own;
 use super::report::{Diagnosis, NullDirection};
 use super::words::both;
-use crate::estimation::{Map, Subject, Undetermined, Why, sensitivity};
+use crate::estimation::{Map, Subject, Undetermined, Why};
 use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
@@ -49,8 +50,9 @@ impl<T: Real> Own<T> {
                         self.report(figure, found, noise, hopeless, diagnosis);
                     }
                     (Some(_), _) => {
-                        findings.push(self.not_examined(TOO_LARGE));
-                        findings.extend(self.least(map, noise));
+                        let sigmas = noise * self.mean_weight();
+                        let outer = |subject| self.outer(subject);
+                        weakest(&self.problem, map, sigmas, &outer, diagnosis);
                     }
                     (None, _) => findings.push(self.not_examined("the map has no size")),
                 }
@@ -119,24 +121,6 @@ impl<T: Real> Own<T> {
             ),
             "Add a view of five of the landmarks: it tells the two apart.",
         )
-    }
-
-    /// The least singular value of a map that is too large for all of them.
-    fn least(&self, map: &Map<T>, noise: f64) -> Option<Finding> {
-        let share = sensitivity(&self.problem, map) * self.mean_weight() * noise;
-        (!(share <= WEAK)).then(|| {
-            self.about_all(
-                Kind::WeaklyDetermined,
-                Severity::Warning,
-                &format!(
-                    "noise of {:.3} degrees leaves the map uncertain by {:.0} % of its size in the direction \
-                     that is held least",
-                    noise.to_degrees(),
-                    100.0 * share
-                ),
-                "Add sightings, from other places or of other landmarks.",
-            )
-        })
     }
 
     /// Adds an examination to a diagnosis.

@@ -65,7 +65,7 @@ const BATCH: usize = 64;
 const LOOKED_FOR: usize = 12;
 
 /// Damping that makes a singular matrix one that can be factorised.
-const LIFT: f64 = 1e-13;
+pub const LIFT: f64 = 1e-13;
 
 /// Share of a free direction's largest movement below which a subject stands still in it.
 const STANDS: f64 = 1e-6;
@@ -210,8 +210,20 @@ fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
 /// Share of the largest singular value that counts as none.
 const SINGULAR: f64 = 1e-12;
 
+/// The constraints under which positions do not move on the whole along the gauge.
+pub fn inner_constraints(gauge: &[Vec<f64>], views: usize) -> Vec<Vec<f64>> {
+    let is_position = |parameter: usize| parameter >= 3 * views || parameter % 3 < 2;
+    let inner = |direction: &Vec<f64>| {
+        let entries = direction.iter().enumerate();
+        entries
+            .map(|(parameter, entry)| if is_position(parameter) { *entry } else { 0.0 })
+            .collect()
+    };
+    gauge.iter().map(inner).collect()
+}
+
 /// Directions moved along the gauge until they obey its constraints.
-fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let count = gauge.len();
     let solver = inverse(DMatrix::from_fn(count, count, |i, j| {
@@ -254,20 +266,13 @@ impl Transformation {
     ) -> Self {
         let size = normal.size();
         let views = problem.views();
-        let is_position = |parameter: usize| parameter >= 3 * views || parameter % 3 < 2;
-        let inner = |direction: &Vec<f64>| -> Vec<f64> {
-            let entries = direction.iter().enumerate();
-            entries
-                .map(|(parameter, entry)| if is_position(parameter) { *entry } else { 0.0 })
-                .collect()
-        };
         let mut constraints = match frame {
             Frame::FirstView => Held::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
         // Priors that fix part of a position leave no frame of a view.
         if constraints.len() != gauge.len() {
-            constraints = gauge.iter().map(inner).collect();
+            constraints = inner_constraints(gauge, views);
         }
         let free = in_frame(gauge, &constraints, free);
         // Along what is free for other reasons, in units of standard deviations.

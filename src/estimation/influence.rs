@@ -17,7 +17,7 @@ const MAX_NUMBERS: usize = 1 << 20;
 /// The rows of the Jacobian, whitened by the normal equations of the sightings that made the map.
 ///
 /// With `J` the row of a sighting and `H` the normal matrix, inner products of two of these vectors are
-/// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T26).
+/// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T29).
 pub struct Influence<T: Real> {
     size: usize,
     /// For each sighting its vector; zeros where the map does not reach it.

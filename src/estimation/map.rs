@@ -118,6 +118,15 @@ impl<T: Real> Map<T> {
         self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
     }
 
+    /// What has an estimate: views, then landmarks.
+    pub(crate) fn determined(&self) -> impl Iterator<Item = Subject> + '_ {
+        let views = (0..self.poses.len()).filter(|&k| self.poses[k].is_some());
+        let landmarks = (0..self.landmarks.len()).filter(|&k| self.landmarks[k].is_some());
+        views
+            .map(Subject::View)
+            .chain(landmarks.map(Subject::Landmark))
+    }
+
     /// The bearing residual, predicted minus measured in (-pi, pi] (unoriented: in
     /// (-pi/2, pi/2]), of each sighting of a problem, in
     /// the order of [`Problem::sightings`]; `None` where an end is undetermined.

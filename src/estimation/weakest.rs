@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The directions in which the sparse normal equations hold a map least.
 
+use super::bundle::{Bundle, Rows};
+use super::covariance::{LIFT, in_frame, inner_constraints};
+use super::gauge::free_directions;
+use super::linearized::{kept_positions, spread};
+use super::loss::Loss;
+use super::map::{Map, Subject};
 use super::normal::Normal;
+use super::problem::Problem;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -74,3 +81,92 @@ pub fn weakest<T: Real>(normal: &Normal<'_, T>, count: usize) -> Vec<Weak> {
         })
         .collect()
 }
+
+/// A direction of a map that is held weakly or not at all.
+pub struct Loose {
+    /// Whether nothing holds it, up to rounding.
+    pub free: bool,
+    /// One over the root of the gain: 0 where free, 1 for a parameter that depends on no other.
+    pub held: f64,
+    /// Predicted standard deviation along it for residuals of one sigma, as a share of the size of the views:
+    /// root mean square over all positions, and of the position that moves most.
+    pub deviation: f64,
+    pub largest: f64,
+    /// Who moves, and its share of the squared moves; largest first.
+    pub movers: Vec<(Subject, f64)>,
+}
+
+/// The weakest directions of a map beyond its gauge, whatever ties there are and however large it is.
+///
+/// Along what the gauge leaves open, positions do not move on the whole. `None` when the equations are beyond
+/// the memory or the arithmetic.
+pub fn loose_directions<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    count: usize,
+) -> Option<Vec<Loose>> {
+    let subjects: Vec<Subject> = map.determined().collect();
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return None;
+    }
+    let mut rows = Rows::new();
+    bundle.linearize(&active, Loss::Squared, &mut rows);
+    let mut normal = Normal::new(&active)?;
+    let gauge = free_directions(&active, &bundle);
+    normal.assemble(&rows, &gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return None;
+    }
+    let places = kept_positions::<T, 3>(&bundle);
+    let size = ComplexField::sqrt(spread(&places).as_f64() / places.len() as f64);
+    let inner = inner_constraints(&gauge, places.len());
+    let found = weakest(&normal, count).into_iter().map(|weak| {
+        let free = !(weak.gain < FREE);
+        let moved = in_frame(&gauge, &inner, &[weak.direction]);
+        let square = |k: usize| {
+            let place = if k < places.len() {
+                3 * k
+            } else {
+                places.len() + 2 * k
+            };
+            let step = &moved[0][place..place + 2];
+            step[0] * step[0] + step[1] * step[1]
+        };
+        let squares: Vec<f64> = (0..subjects.len()).map(square).collect();
+        let sum: f64 = squares.iter().sum();
+        let most = squares
+            .iter()
+            .fold(0.0, |most: f64, square| most.max(*square));
+        let mut movers: Vec<(Subject, f64)> = subjects
+            .iter()
+            .zip(&squares)
+            .map(|(subject, square)| (*subject, square / sum))
+            .filter(|(_, share)| *share > MOVES)
+            .collect();
+        movers.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let share = |square: f64| {
+            if free {
+                f64::INFINITY
+            } else {
+                ComplexField::sqrt(square) / size
+            }
+        };
+        Loose {
+            free,
+            held: if free {
+                0.0
+            } else {
+                1.0 / ComplexField::sqrt(weak.gain)
+            },
+            deviation: share(sum / subjects.len() as f64),
+            largest: share(most),
+            movers,
+        }
+    });
+    Some(found.collect())
+}
+
+/// Share of the squared moves below which a subject is not listed.
+const MOVES: f64 = 0.01;

@@ -3,7 +3,7 @@
 //! positions.
 //!
 //! Dellaert and Stroupe say that no linear method treats more than three views at once. Once the
-//! headings are known there is one, (T25): `Im((x_j - p_i) e^{-i(t_i + a_ij)}) = 0` is linear in all
+//! headings are known there is one, (T30): `Im((x_j - p_i) e^{-i(t_i + a_ij)}) = 0` is linear in all
 //! positions and landmarks.
 
 mod headings;

@@ -2,6 +2,7 @@
 //! Tests of the crate from outside, one module per concept.
 
 mod batch;
+mod beyond;
 mod common;
 mod degenerate;
 mod diagnosis;

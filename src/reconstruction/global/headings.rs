@@ -18,7 +18,7 @@ const CAUCHY: f64 = 2.4 / 0.67;
 /// The headings of a connected set of views that agree best with the relative headings of triples.
 ///
 /// A spanning tree of the best conditioned triples starts, each further triple attached where it
-/// meets the tree, by the branch that fits; then least squares over all triples on the circle, (T26),
+/// meets the tree, by the branch that fits; then least squares over all triples on the circle, (T31),
 /// reweighted for outliers, each triple by its nearer branch.
 pub fn average<T: Real>(
     views: usize,

@@ -61,7 +61,7 @@ impl<T: Real> Bundle<T> {
 /// The map of the views that have a heading; `None` when nothing holds together.
 ///
 /// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
-/// that the sine of the angular error is small, (T25). Landmarks are eliminated in closed form; the
+/// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
 /// positions are the smallest eigenvector of what is left, after the two translations: inverse
 /// iteration, from the direction in which all landmarks move ahead of the views that see them.
 pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>]) -> Option<Map<T>> {

@@ -21,7 +21,7 @@ const SUCCESSES: usize = 20;
 
 /// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
 ///
-/// The residual that a sighting would have on the other side follows from its leverage, (T26); those
+/// The residual that a sighting would have on the other side follows from its leverage, (T29); those
 /// that promise most are tried.
 ///
 /// # Errors
