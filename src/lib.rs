@@ -22,7 +22,7 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
-//! | `estimation` | problems, residuals, Levenberg-Marquardt | `alloc` |
+//! | `estimation` | problems with odometry and priors, residuals, Levenberg-Marquardt, covariances | `alloc` |
 //! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
 //! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
