@@ -86,6 +86,8 @@ ESTIMATE = Look("#0072b2", "o", 4.0, filled=True, zorder=3.4)
 RAY = "#56b4e9"
 WRONG = "#cc79a7"
 TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
+SIZE = (8.0, 5.0)
+"""Of a figure, with room for the legend beside the map [inches]."""
 LABELLED = 30
 """Robots that are labelled; more labels than that hide the map."""
 SHOWN = 5.0
@@ -97,7 +99,7 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(layout="constrained")
+        _, ax = plt.subplots(figsize=SIZE, layout="constrained")
     shown = Map(result.poses, result.landmarks)
     stretched = np.eye(2)
     if truth is None:

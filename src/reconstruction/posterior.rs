@@ -9,6 +9,7 @@ use super::bounded::take_out_unbounded;
 use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
 use super::robust;
+use super::sight;
 use super::solve::solve;
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, refine_map};
@@ -91,18 +92,39 @@ pub fn solve_posterior<T: Real>(
         let (a, b) = (rank(a), rank(b));
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
-    let mut best = found.into_iter().next().ok_or_else(|| {
-        failure.unwrap_or(Error::Degenerate {
-            quantity: "number of starts that could be refined",
-            value: 0.0,
-            bound: 1.0,
-        })
-    })?;
-    if !options.robust {
-        take_out_unbounded(problem, &mut best);
+    let best = found.into_iter().next().ok_or(failure.unwrap_or(NOTHING))?;
+    let mut maps = Vec::from([best]);
+    for start in starts.iter().skip(1) {
+        let apart = |map: &Map<T>| {
+            map.poses
+                .iter()
+                .zip(&start.poses)
+                .all(|(a, b)| a.is_none() || b.is_none())
+        };
+        if maps.iter().all(|found| apart(&found.map)) {
+            try_start(
+                problem,
+                start,
+                options,
+                &mut progress,
+                &mut maps,
+                &mut failure,
+            )?;
+        }
     }
-    Ok(best)
+    if !options.robust {
+        maps.iter_mut()
+            .for_each(|map| take_out_unbounded(problem, map));
+    }
+    sight::gather(problem, maps).ok_or(NOTHING)
 }
+
+/// No start has led to a map.
+const NOTHING: Error = Error::Degenerate {
+    quantity: "number of starts that could be refined",
+    value: 0.0,
+    bound: 1.0,
+};
 
 /// Refines a start and keeps what comes of it.
 fn try_start<T: Real>(

@@ -74,6 +74,46 @@ fn two_robots_without_a_common_frame_are_one_problem() {
     assert!(scene.errors(&found.map).unwrap().position_rms < 0.1);
 }
 
+/// Two robots that share no landmark are two maps, each in the scale of its odometry.
+#[test]
+fn what_nothing_ties_together_stays_apart() {
+    let scene = trajectory(40, 30, 5);
+    let mut sightings = Vec::new();
+    for (k, &bearing) in scene
+        .bearings
+        .iter()
+        .enumerate()
+        .filter(|(_, b)| !b.is_nan())
+    {
+        // The second robot sees the same landmarks under other names.
+        let (view, landmark) = (k / 30, k % 30 + 30 * (k / 600));
+        sightings.push(Sighting {
+            view,
+            landmark,
+            bearing,
+            sigma: NOISE,
+        });
+    }
+    let odometry: Vec<_> = scene.odometry(SIGMAS, 1).unwrap();
+    let apart: Vec<_> = odometry.into_iter().filter(|o| o.start != 19).collect();
+    let problem = Problem::new(40, 60, &sightings).unwrap();
+    let problem = problem.with_odometry(&apart).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert_eq!(found.components.len(), 1);
+    let other = &found.components[0];
+    for view in 0..40 {
+        let [here, there] = [&found, other].map(|map| map.map.poses[view].is_some());
+        assert!(here != there, "{view}");
+    }
+    let step = apart[0].delta.translation.vector.norm();
+    for map in [&found.map, &other.map] {
+        let mut poses = map.poses.iter().flatten();
+        let (a, b) = (poses.next().unwrap(), poses.next().unwrap());
+        let length = (b.translation.vector - a.translation.vector).norm();
+        assert!((length / step - 1.0).abs() < 0.5, "{length} {step}");
+    }
+}
+
 #[test]
 fn never_worse_than_from_bearings_alone() {
     for seed in 0..20 {
