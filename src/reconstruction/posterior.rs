@@ -46,72 +46,45 @@ pub fn solve_posterior<T: Real>(
         ..options.refine
     };
     let starts = anchored(problem, &growing, &mut progress)?;
-    let mut found = Vec::new();
-    let mut failure = None;
-    for start in starts.iter().take(1) {
-        try_start(
-            problem,
-            start,
-            options,
-            &mut progress,
-            &mut found,
-            &mut failure,
-        )?;
+    let mut attempts = Attempts {
+        problem,
+        options,
+        progress: &mut progress,
+        found: Vec::new(),
+        failure: NOTHING,
+    };
+    if let Some(start) = starts.first() {
+        attempts.refine(start)?;
     }
     let many = problem.views() > MANY_VIEWS;
     if !(many
-        && found
+        && attempts
+            .found
             .iter()
             .any(|found| is_plausible(found, options.robust)))
     {
-        let alone = problem.clone().without_ties();
-        match solve(&alone, options, reborrow(&mut progress)) {
-            Ok(best) => {
-                let rivals = core::iter::once(&best).chain(&best.alternatives);
-                // As it is as well: what it is laid over may be far off.
-                for map in rivals.map(|rival| &rival.map) {
-                    let laid = starts.first().map(|target| laid_over(map, target));
-                    for start in laid.iter().chain([map]) {
-                        try_start(
-                            problem,
-                            start,
-                            options,
-                            &mut progress,
-                            &mut found,
-                            &mut failure,
-                        )?;
-                    }
-                }
-            }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
-            Err(error) => failure = failure.or(Some(error)),
-        }
+        attempts.refine_from_bearings(starts.first())?;
     }
     let rank = |found: &Reconstruction<T>| (found.undetermined.len(), found.cost.as_f64());
-    found.sort_by(|a, b| {
+    attempts.found.sort_by(|a, b| {
         let (a, b) = (rank(a), rank(b));
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
-    let best = found.into_iter().next().ok_or(failure.unwrap_or(NOTHING))?;
-    let mut maps = Vec::from([best]);
+    attempts.found.truncate(1);
+    if attempts.found.is_empty() {
+        return Err(attempts.failure);
+    }
+    // What the best does not reach, and nothing ties to it, makes maps of its own.
     for start in starts.iter().skip(1) {
-        let apart = |map: &Map<T>| {
-            map.poses
-                .iter()
-                .zip(&start.poses)
-                .all(|(a, b)| a.is_none() || b.is_none())
-        };
-        if maps.iter().all(|found| apart(&found.map)) {
-            try_start(
-                problem,
-                start,
-                options,
-                &mut progress,
-                &mut maps,
-                &mut failure,
-            )?;
+        if attempts
+            .found
+            .iter()
+            .all(|found| are_apart(&found.map, start))
+        {
+            attempts.refine(start)?;
         }
     }
+    let mut maps = attempts.found;
     if !options.robust {
         maps.iter_mut()
             .for_each(|map| take_out_unbounded(problem, map));
@@ -126,28 +99,73 @@ const NOTHING: Error = Error::Degenerate {
     bound: 1.0,
 };
 
-/// Refines a start and keeps what comes of it.
-fn try_start<T: Real>(
-    problem: &Problem<T>,
-    start: &Map<T>,
-    options: &SolveOptions<T>,
-    progress: &mut Option<Progress<'_>>,
-    found: &mut Vec<Reconstruction<T>>,
-    failure: &mut Option<Error>,
-) -> Result<(), Error> {
-    if options.robust {
-        found.extend(robust::from_start(problem, start, options, progress)?);
-        return Ok(());
+/// Starts that are refined, and what has come of them.
+struct Attempts<'a, 'p, T: Real> {
+    problem: &'a Problem<T>,
+    options: &'a SolveOptions<T>,
+    progress: &'a mut Option<Progress<'p>>,
+    found: Vec<Reconstruction<T>>,
+    /// Why the last one that could not be refined could not.
+    failure: Error,
+}
+
+impl<T: Real> Attempts<'_, '_, T> {
+    /// Refines a start and keeps what comes of it.
+    fn refine(&mut self, start: &Map<T>) -> Result<(), Error> {
+        if self.options.robust {
+            let found = robust::from_start(self.problem, start, self.options, self.progress)?;
+            self.found.extend(found);
+            return Ok(());
+        }
+        let options = &self.options.refine;
+        let mut map = start.clone();
+        let mut watch = |done, _| tell(self.progress, "refine", done, options.max_iterations);
+        match refine_map(self.problem, &mut map, options, Some(&mut watch)) {
+            Ok(report) => {
+                let found = Reconstruction::new(self.problem, &map, report);
+                self.found.push(found);
+                Ok(())
+            }
+            Err(error) => self.give_up(error),
+        }
     }
-    let mut map = start.clone();
-    let total = options.refine.max_iterations;
-    let mut watch = |done, _| tell(progress, "refine", done, total);
-    match refine_map(problem, &mut map, &options.refine, Some(&mut watch)) {
-        Ok(report) => found.push(Reconstruction::new(problem, &map, report)),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
-        Err(error) => *failure = Some(error),
+
+    /// Refines the maps from bearings alone, laid over another, and as they are as well: what they are laid
+    /// over may be far off.
+    fn refine_from_bearings(&mut self, target: Option<&Map<T>>) -> Result<(), Error> {
+        let alone = self.problem.clone().without_ties();
+        let progress = self.progress.as_mut();
+        let progress = progress.map(|progress| &mut **progress as Progress<'_>);
+        let best = match solve(&alone, self.options, progress) {
+            Ok(best) => best,
+            Err(error) => return self.give_up(error),
+        };
+        for map in core::iter::once(&best)
+            .chain(&best.alternatives)
+            .map(|rival| &rival.map)
+        {
+            if let Some(target) = target {
+                self.refine(&laid_over(map, target))?;
+            }
+            self.refine(map)?;
+        }
+        Ok(())
     }
-    Ok(())
+
+    /// Goes on after an error, unless it is none of the start's.
+    fn give_up(&mut self, error: Error) -> Result<(), Error> {
+        if matches!(error, Error::Interrupted | Error::OutOfMemory) {
+            return Err(error);
+        }
+        self.failure = error;
+        Ok(())
+    }
+}
+
+/// Whether two maps have no view in common.
+fn are_apart<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
+    let mut pairs = a.poses.iter().zip(&b.poses);
+    pairs.all(|(a, b)| a.is_none() || b.is_none())
 }
 
 /// Whether the cost is what the standard deviations let expect.
@@ -182,12 +200,5 @@ fn laid_over<T: Real>(map: &Map<T>, target: &Map<T>) -> Map<T> {
     match align(&from, &to) {
         Ok(similarity) => map.transformed(&similarity),
         Err(_) => map.clone(),
-    }
-}
-
-fn reborrow<'a>(progress: &'a mut Option<Progress<'_>>) -> Option<Progress<'a>> {
-    match progress {
-        Some(progress) => Some(&mut **progress),
-        None => None,
     }
 }
