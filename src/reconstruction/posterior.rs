@@ -75,7 +75,7 @@ pub fn solve_posterior<T: Real>(
         return Err(attempts.failure);
     }
     // What the best does not reach, and nothing ties to it, makes maps of its own.
-    for start in starts.iter().skip(1) {
+    for start in &starts {
         if attempts
             .found
             .iter()
