@@ -30,10 +30,11 @@ pub struct Rows<T: Real> {
 }
 
 impl<T: Real> Rows<T> {
-    pub fn new() -> Self {
+    /// Room for those of a problem.
+    pub fn of(problem: &Problem<T>) -> Self {
         Self {
-            sightings: Vec::new(),
-            ties: Vec::new(),
+            sightings: Vec::with_capacity(problem.sightings().len()),
+            ties: Vec::with_capacity(problem.ties().len()),
         }
     }
 }
@@ -391,7 +392,7 @@ mod tests {
                     .collect(),
                 landmarks: landmarks.iter().map(|p| Point2::new(p[0], p[1])).collect(),
             };
-            let mut linearized = Rows::new();
+            let mut linearized = Rows::of(&problem);
             bundle.linearize(&problem, Loss::Squared, &mut linearized);
             for ((k, row), expected) in linearized
                 .sightings
@@ -426,7 +427,7 @@ mod tests {
                 Point2::new(0.5, -2.0),
             ],
         };
-        let mut rows = Rows::new();
+        let mut rows = Rows::of(&problem);
         bundle.linearize(&problem, Loss::Squared, &mut rows);
         let step = 1e-6;
         for parameter in 0..12 {
@@ -440,7 +441,7 @@ mod tests {
                 }
                 let mut moved = bundle.clone();
                 bundle.step(&poses, &landmarks, &mut moved);
-                let mut rows = Rows::new();
+                let mut rows = Rows::of(&problem);
                 moved.linearize(&problem, Loss::Squared, &mut rows);
                 rows.sightings
                     .iter()

@@ -117,7 +117,7 @@ pub fn covariance<T: Real>(
             got: 0,
         });
     }
-    let mut rows = Rows::new();
+    let mut rows = Rows::of(&active);
     bundle.linearize(&active, loss, &mut rows);
     let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
     let gauge = free_directions(&active, &bundle);

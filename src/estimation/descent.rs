@@ -65,7 +65,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
         watch: Option<Watch<'w>>,
         bundle: Bundle<T>,
     ) -> Result<Self, Error> {
-        let mut rows = Rows::new();
+        let mut rows = Rows::of(problem);
         let cost = bundle.linearize(problem, options.loss, &mut rows);
         if !cost.is_finite() {
             return Err(Error::NotFinite {
@@ -83,7 +83,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
             watch,
             trial: bundle.clone(),
             bundle,
-            trial_rows: Rows::new(),
+            trial_rows: Rows::of(problem),
             rows,
             cost,
             iterations: 0,

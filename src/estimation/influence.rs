@@ -44,7 +44,7 @@ impl<T: Real> Influence<T> {
         if size.saturating_mul(kept.len().max(size)) > MAX_NUMBERS {
             return None;
         }
-        let mut linearized = Rows::new();
+        let mut linearized = Rows::of(&active);
         bundle.linearize(&active, Loss::Squared, &mut linearized);
         let mut rows = vec![T::zero(); size * kept.len()];
         let mut residuals = vec![None; kept.len()];

@@ -264,8 +264,10 @@ impl<'a, T: Real> Newton<'a, T> {
     fn assemble(&mut self, bundle: &Bundle<T>, rows: &[Row<T>]) {
         let size = self.gradient.len();
         for matrix in [&mut self.normal, &mut self.curved] {
-            matrix.clear();
             matrix.resize(size * size, T::zero());
+            for i in 0..size {
+                matrix[i * size..=i * size + i].fill(T::zero());
+            }
         }
         self.gradient.fill(T::zero());
         for (s, row) in self.problem.sightings().iter().zip(rows) {
@@ -311,8 +313,11 @@ impl<'a, T: Real> Newton<'a, T> {
                 }
             }
         }
-        for (curved, normal) in self.curved.iter_mut().zip(&self.normal) {
-            *curved += *normal;
+        for i in 0..size {
+            let row = i * size..=i * size + i;
+            for (curved, normal) in self.curved[row.clone()].iter_mut().zip(&self.normal[row]) {
+                *curved += *normal;
+            }
         }
     }
 
@@ -350,7 +355,11 @@ impl<'a, T: Real> Newton<'a, T> {
     fn solve(&mut self, damping: T, curved: bool) -> Option<T> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
-        self.factor.clone_from(matrix);
+        self.factor.resize(size * size, T::zero());
+        for i in 0..size {
+            let row = i * size..=i * size + i;
+            self.factor[row.clone()].copy_from_slice(&matrix[row]);
+        }
         for k in 0..size {
             self.factor[k * size + k] += damping * self.normal[k * size + k];
         }
@@ -505,9 +514,9 @@ mod tests {
         let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
         let problem = Problem::dense(3, 3, &bearings, 0.5).unwrap();
         let (bundle, mut newton) = setting(&problem);
-        let mut rows = Rows::new();
+        let mut rows = Rows::of(&problem);
         let gradient = |newton: &mut Newton<'_, f64>, bundle: &Bundle<f64>| {
-            let mut rows = Rows::new();
+            let mut rows = Rows::of(&problem);
             bundle.linearize(&problem, Loss::Squared, &mut rows);
             newton.assemble(bundle, &rows.sightings);
             newton.gradient.clone()

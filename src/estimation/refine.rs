@@ -176,7 +176,8 @@ pub fn refine_map<T: Real>(
 /// The cost of a map: half the sum of the losses of residuals over sigma between what it determines, and
 /// of the squares of odometry and priors.
 pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, loss: Loss<T>) -> T {
-    Bundle::from_map(map).linearize(&map.restrict(problem), loss, &mut Rows::new())
+    let active = map.restrict(problem);
+    Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
 }
 
 /// The part of it that odometry and priors have.

@@ -231,10 +231,10 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
                 for (j, cell) in matrix[start..start + K].iter_mut().enumerate() {
                     let grown = if i == j { damping } else { T::zero() };
                     *cell += block[i][j] + block[i][j] * grown;
-                    // What no residual touches, with a loss, stays where it is.
-                    if i == j && block[i][i] <= T::zero() {
-                        *cell += T::one();
-                    }
+                }
+                // What no residual touches, with a loss, stays where it is.
+                if block[i][i] <= T::zero() {
+                    matrix[start + i] += T::one();
                 }
             }
         }

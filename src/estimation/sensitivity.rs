@@ -77,7 +77,7 @@ fn without_touching<T: Real>(
     size: T,
     count: usize,
 ) -> Rows<T> {
-    let mut rows = Rows::new();
+    let mut rows = Rows::of(problem);
     bundle.linearize(problem, Loss::Squared, &mut rows);
     let limit = T::lit(count as f64 / (TOUCHING * TOUCHING)) / size;
     for row in &mut rows.sightings {

@@ -34,7 +34,7 @@ pub fn aligned_variances<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<
     if size > MAX_PARAMETERS || !map.is_complete() {
         return None;
     }
-    let mut rows = Rows::new();
+    let mut rows = Rows::of(problem);
     bundle.linearize(problem, Loss::Squared, &mut rows);
     let mut matrix = vec![T::zero(); size * size];
     for (s, row) in problem.sightings().iter().zip(&rows.sightings) {

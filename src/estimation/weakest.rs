@@ -111,7 +111,7 @@ pub fn loose_directions<T: Real>(
     if bundle.poses.is_empty() {
         return None;
     }
-    let mut rows = Rows::new();
+    let mut rows = Rows::of(&active);
     bundle.linearize(&active, Loss::Squared, &mut rows);
     let mut normal = Normal::new(&active)?;
     let gauge = free_directions(&active, &bundle);

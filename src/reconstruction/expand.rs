@@ -75,6 +75,7 @@ const HALF_EXPLAINED: f64 = 0.1;
 /// away, unless it is a line); a sighting that the map does not reach adds 1.
 pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
     let bound = T::lit(HALF_EXPLAINED * HALF_EXPLAINED);
+    let lines = !problem.is_oriented();
     let mut sum = T::zero();
     for (view, pose) in map.poses.iter().enumerate() {
         let seen = problem.of_view(view);
@@ -92,7 +93,7 @@ pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
             let along = ray.re * offset.x + ray.im * offset.y;
             let across = ray.re * offset.y - ray.im * offset.x;
             let square = offset.norm_squared();
-            let error = if along > T::zero() || !problem.is_oriented() {
+            let error = if along > T::zero() || lines {
                 across * across
             } else {
                 square + along * along
