@@ -159,9 +159,6 @@ fn extent<T: Real>(places: impl Iterator<Item = Vector2<T>> + Clone) -> T {
     (high - low).amax()
 }
 
-/// Steps of each landmark after a step of the whole.
-const SETTLING_STEPS: usize = 2;
-
 impl<T: Real> Bundle<T> {
     /// The determined part of a map.
     pub fn from_map(map: &Map<T>) -> Self {
@@ -293,18 +290,40 @@ impl<T: Real> Bundle<T> {
         loss: Loss<T>,
         landmark: usize,
     ) {
-        let mut point = self.landmarks[landmark];
-        let mut at = self.around::<PLAIN>(problem, loss, landmark, &point);
-        for _ in 0..SETTLING_STEPS {
-            let Some(step) = at.step() else { break };
-            let moved = point + step;
-            let there = self.around::<PLAIN>(problem, loss, landmark, &moved);
-            if !(there.loss < at.loss) || moved.coords.amax() > horizon() {
-                break;
-            }
-            (point, at) = (moved, there);
+        let start = self.landmarks[landmark];
+        let at = self.around::<PLAIN>(problem, loss, landmark, &start);
+        let near = |point: &Point2<T>| point.coords.amax() <= horizon();
+        let Some(first) = at.step().map(|step| start + step).filter(near) else {
+            return;
+        };
+        let there = self.around::<PLAIN>(problem, loss, landmark, &first);
+        if !(there.loss < at.loss) {
+            return;
         }
-        self.landmarks[landmark] = point;
+        // Of the second step only the loss is of interest.
+        let second = there.step().map(|step| first + step).filter(near);
+        let lower = |point: &Point2<T>| {
+            self.loss_around::<PLAIN>(problem, loss, landmark, point) < there.loss
+        };
+        self.landmarks[landmark] = second.filter(lower).unwrap_or(first);
+    }
+
+    /// The sum of the losses of one landmark at a place.
+    #[inline]
+    fn loss_around<const PLAIN: bool>(
+        &self,
+        problem: &Problem<T>,
+        loss: Loss<T>,
+        landmark: usize,
+        point: &Point2<T>,
+    ) -> T {
+        let oriented = problem.is_oriented();
+        let seen = problem.of_landmark(landmark).iter();
+        seen.fold(T::zero(), |sum, &k| {
+            let s = &problem.sightings()[k];
+            let pose = &self.poses[s.view];
+            sum + Row::tempered::<PLAIN>(pose, point, s, oriented, loss).1
+        })
     }
 
     /// What the views tell about one landmark at a place.
