@@ -114,6 +114,15 @@ pub enum Error {
         /// The method.
         what: &'static str,
     },
+    /// So many outliers that those which agree may do so by chance.
+    NoConsensus {
+        /// Bearings that agree.
+        inliers: usize,
+        /// Bearings that do not.
+        outliers: usize,
+        /// Bearings that agree beyond the unknowns of the map.
+        freedom: usize,
+    },
     /// The memory does not hold the normal equations.
     OutOfMemory,
     /// The caller asked to stop.
@@ -205,6 +214,15 @@ impl fmt::Display for Error {
                     "{what}: expected oriented bearings, got bearings known modulo pi"
                 )
             }
+            Self::NoConsensus {
+                inliers,
+                outliers,
+                freedom,
+            } => write!(
+                f,
+                "no consensus: {inliers} bearings agree with the best map and {outliers} do not, but only {freedom} \
+                 of them are beyond its unknowns, which chance explains; check sigma, and add sightings"
+            ),
             Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),
             Self::Interrupted => write!(f, "interrupted by the caller"),
             Self::Threads => write!(f, "the system gives no more threads"),

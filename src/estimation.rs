@@ -5,6 +5,7 @@ mod bundle;
 mod cholesky;
 mod covariance;
 mod descent;
+mod fit;
 mod gauge;
 mod influence;
 mod linearized;
@@ -22,6 +23,7 @@ mod variances;
 mod weakest;
 
 pub use covariance::{Covariance, Frame, covariance};
+pub(crate) use fit::fitted;
 pub(crate) use influence::Influence;
 pub use loss::Loss;
 pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};

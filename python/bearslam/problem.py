@@ -15,6 +15,8 @@ from bearslam.errors import InvalidInputError
 
 PAIRS = 2**33
 """Pairs of a view and a landmark, one bit each in the core: 1 GB."""
+GAPS = 1000
+"""Views or landmarks for each sighting, motion or prior beyond which an index is a slip."""
 SIGMA_RANGE = (1e-100, 1e100)
 """Standard deviations whose squares, and theirs in turn, are numbers [rad]."""
 

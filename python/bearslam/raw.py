@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bearslam.coerce import SEED_LIMIT, choice, quote, real, whole
 from bearslam.errors import InvalidInputError
 from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import ProblemLike, Table, tabulate
+from bearslam.problem import GAPS, ProblemLike, Table, tabulate
 from bearslam.reconstruction import FRAMES, CovarianceFrame, Reconstruction, Termination, Undetermined
 
 if TYPE_CHECKING:
@@ -54,6 +54,12 @@ class Known:
             views=max((int(index.max(initial=-1)) + 1 for index in views), default=0),
             landmarks=max((int(index.max(initial=-1)) + 1 for index in landmarks), default=0),
         )
+        entries = len(self.table.sightings) + sum(map(len, [*views, *landmarks]))
+        if max(self.table.views, self.table.landmarks) > GAPS * entries:
+            raise InvalidInputError(
+                f"sightings: expected indices that leave few numbers out, got {self.table.views} views and "
+                f"{self.table.landmarks} landmarks in {entries} sightings, motions and priors"
+            )
         if choice("loss", loss, LOSSES) != "squared":
             self.require_sigma(f"loss={loss!r}")
         for name, given in (("odometry", motions), ("pose_priors", poses), ("landmark_priors", points)):

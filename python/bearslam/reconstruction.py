@@ -114,7 +114,7 @@ class Reconstruction:
         What is held while the rest varies: a covariance means nothing without it; see `solve`.
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and every heading is known modulo pi only, each
-        for itself: it is given in (-pi/2, pi/2].
+        for itself: it is given in (-pi/2, pi/2], unless odometry or priors tell more.
     view_ids, landmark_ids : tuple of str, or None
         The names that views and landmarks have in the file that the problem came from.
     """

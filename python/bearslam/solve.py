@@ -129,7 +129,8 @@ def solve(
         If an argument is out of range, a landmark is seen twice by a view, there are too few sightings, or `sigma` is
         no standard deviation where one is needed.
     DegenerateError
-        If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place.
+        If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place,
+        with `robust` no map that more bearings agree with than chance explains.
         Its `diagnosis` says what is wrong, and what to add. If covariances are asked for in the frame "priors", and
         odometry and priors leave something open.
 
@@ -191,7 +192,8 @@ def solve(
     try:
         raws = _core.solve(known.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
-        if NO_FRAME not in error.quantity:  # else the map is as good as it was; the frame asked for is none
+        # With outliers no map tells about the geometry; where only the frame is none, the map is as good as it was.
+        if not robust and NO_FRAME not in error.quantity:
             error.diagnosis = diagnosed(known, None, None, progress)
         raise
     return ranked(known, raws)

@@ -10,10 +10,10 @@ use super::map::Map;
 use super::priors::TieRow;
 use super::problem::{Problem, Seen};
 use crate::error::Error;
-use crate::geometry::{Pose, signed_angle};
+use crate::geometry::{Pose, signed_angle, transform_pose};
 use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::{Point2, Translation2, UnitComplex, Vector2, Vector3};
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector3};
 
 /// A complete map: every view and landmark has a value.
 #[derive(Clone, Debug)]
@@ -222,6 +222,22 @@ impl<T: Real> Bundle<T> {
                 *point = Point2::from(home + (offset / offset.amax()).normalize() * horizon);
             }
         }
+    }
+
+    /// Moves all of it by a similarity.
+    pub fn transform(&mut self, similarity: &Similarity2<T>) {
+        for pose in &mut self.poses {
+            *pose = transform_pose(similarity, pose);
+        }
+        for point in &mut self.landmarks {
+            *point = similarity.transform_point(point);
+        }
+    }
+
+    /// The mean position of the views.
+    pub fn middle(&self) -> Vector2<T> {
+        let views = self.poses.iter().map(|pose| pose.translation.vector);
+        views.fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(self.poses.len().max(1) as f64)
     }
 
     /// Scales all positions.

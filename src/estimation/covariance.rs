@@ -8,7 +8,7 @@ use super::map::{Map, Subject};
 use super::normal::Normal;
 use super::problem::Problem;
 use super::refine::Watch;
-use super::weakest::{FREE, weakest};
+use super::weakest::free_of;
 use crate::error::Error;
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -128,19 +128,16 @@ pub fn covariance<T: Real>(
             bound: 0.0,
         });
     }
+    let singular = Error::Degenerate {
+        quantity: "pivot of the normal equations",
+        value: 0.0,
+        bound: f64::EPSILON,
+    };
+    let free = free_of(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
-        return Err(Error::Degenerate {
-            quantity: "pivot of the normal equations",
-            value: 0.0,
-            bound: f64::EPSILON,
-        });
+        return Err(singular);
     }
-    let free: Vec<Vec<f64>> = weakest(&normal, LOOKED_FOR)
-        .into_iter()
-        .filter(|weak| !(weak.gain < FREE))
-        .map(|weak| weak.direction)
-        .collect();
     let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
     let (views, landmarks) = (active.views(), active.landmarks());
     let subjects = (0..views)

@@ -170,8 +170,8 @@ impl<T: Real> Map<T> {
                 None => self.clone(),
             }
         };
-        if !problem.is_oriented() {
-            // A heading is known modulo pi.
+        if !problem.is_oriented() && problem.ties().is_empty() {
+            // A heading is known modulo pi; odometry and priors may know more.
             for pose in map.poses.iter_mut().flatten() {
                 if pose.rotation.re < T::zero() {
                     pose.rotation = UnitComplex::new_unchecked(-pose.rotation.into_inner());

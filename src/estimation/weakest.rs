@@ -22,10 +22,54 @@ pub struct Weak {
 }
 
 /// Gain beyond which a direction is free: what is left of the information is rounding.
-pub const FREE: f64 = 1e11;
+const FREE: f64 = 1e11;
 
 /// Steps of the iteration; sizes are wanted to a few percent.
 const STEPS: usize = 8;
+
+/// The directions that nothing holds, at most `count`.
+///
+/// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
+/// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
+/// with these weights.
+pub fn free_of<T: Real>(
+    normal: &mut Normal<'_, T>,
+    rows: &Rows<T>,
+    gauge: &[Vec<f64>],
+    count: usize,
+) -> Option<Vec<Vec<f64>>> {
+    let mut balanced = rows.clone();
+    let squares = rows
+        .sightings
+        .iter()
+        .map(|row| row.gradient.norm_squared().as_f64());
+    let mean = squares.sum::<f64>() / rows.sightings.len().max(1) as f64;
+    let typical = T::lit(ComplexField::sqrt(if mean > 0.0 { mean } else { 1.0 }));
+    for tie in &mut balanced.ties {
+        for k in 0..3 {
+            let both = [Some(tie.first), tie.second].into_iter().flatten();
+            let square = both.fold(T::zero(), |sum, (_, jacobian)| {
+                jacobian[k]
+                    .iter()
+                    .fold(sum, |sum, entry| sum + *entry * *entry)
+            });
+            if square > T::zero() {
+                let factor = typical / square.sqrt();
+                tie.first.1[k] = tie.first.1[k].map(|entry| entry * factor);
+                if let Some((_, jacobian)) = &mut tie.second {
+                    jacobian[k] = jacobian[k].map(|entry| entry * factor);
+                }
+            }
+        }
+    }
+    normal.assemble(&balanced, gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return None;
+    }
+    let found = weakest(normal, count).into_iter();
+    let free = found.filter(|weak| !(weak.gain < FREE));
+    Some(free.map(|weak| weak.direction).collect())
+}
 
 /// The `count` weakest directions, the weakest first.
 ///
@@ -115,6 +159,7 @@ pub fn loose_directions<T: Real>(
     bundle.linearize(&active, Loss::Squared, &mut rows);
     let mut normal = Normal::new(&active)?;
     let gauge = free_directions(&active, &bundle);
+    let free = free_of(&mut normal, &rows, &gauge, count)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return None;
@@ -122,9 +167,13 @@ pub fn loose_directions<T: Real>(
     let places = kept_positions::<T, 3>(&bundle);
     let size = ComplexField::sqrt(spread(&places).as_f64() / places.len() as f64);
     let inner = inner_constraints(&gauge, places.len());
-    let found = weakest(&normal, count).into_iter().map(|weak| {
-        let free = !(weak.gain < FREE);
-        let moved = in_frame(&gauge, &inner, &[weak.direction]);
+    // Those that are free, and the weakest of the others.
+    let others = weakest(&normal, count).into_iter().skip(free.len());
+    let free = free.into_iter().map(|direction| (direction, f64::INFINITY));
+    let all = free.chain(others.map(|weak| (weak.direction, weak.gain)));
+    let found = all.map(|(direction, gain)| {
+        let free = gain == f64::INFINITY;
+        let moved = in_frame(&gauge, &inner, &[direction]);
         let square = |k: usize| {
             let place = if k < places.len() {
                 3 * k
@@ -158,7 +207,7 @@ pub fn loose_directions<T: Real>(
             held: if free {
                 0.0
             } else {
-                1.0 / ComplexField::sqrt(weak.gain)
+                1.0 / ComplexField::sqrt(gain.max(1.0))
             },
             deviation: share(sum / subjects.len() as f64),
             largest: share(most),

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maximum a posteriori: bearings with odometry and priors, from several starts.
 //!
-//! One start grows along the odometry and from what is known; another is the map from bearings alone, laid
-//! over the first. The lower cost wins: the result is never worse than without the odometry.
+//! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
+//! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
 
 use super::anchored::anchored;
 use super::bounded::take_out_unbounded;
@@ -12,11 +12,9 @@ use super::robust;
 use super::sight;
 use super::solve::solve;
 use crate::error::Error;
-use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, refine_map};
-use crate::geometry::align;
+use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, fitted, refine_map};
 use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::Point2;
 
 /// Standard deviations of the cost by which that of the right map may differ from its mean.
 const PLAUSIBLE: f64 = 3.0;
@@ -54,7 +52,7 @@ pub fn solve_posterior<T: Real>(
         failure: NOTHING,
     };
     if let Some(start) = starts.first() {
-        attempts.refine(start)?;
+        attempts.refine_fitted(start)?;
     }
     let many = problem.views() > MANY_VIEWS;
     if !(many
@@ -63,7 +61,7 @@ pub fn solve_posterior<T: Real>(
             .iter()
             .any(|found| is_plausible(found, options.robust)))
     {
-        attempts.refine_from_bearings(starts.first())?;
+        attempts.refine_from_bearings()?;
     }
     let rank = |found: &Reconstruction<T>| (found.undetermined.len(), found.cost.as_f64());
     attempts.found.sort_by(|a, b| {
@@ -81,7 +79,7 @@ pub fn solve_posterior<T: Real>(
             .iter()
             .all(|found| are_apart(&found.map, start))
         {
-            attempts.refine(start)?;
+            attempts.refine_fitted(start)?;
         }
     }
     let mut maps = attempts.found;
@@ -110,6 +108,12 @@ struct Attempts<'a, 'p, T: Real> {
 }
 
 impl<T: Real> Attempts<'_, '_, T> {
+    /// Refines a start, moved as a whole to where odometry and priors want it.
+    fn refine_fitted(&mut self, start: &Map<T>) -> Result<(), Error> {
+        let start = fitted(self.problem, start);
+        self.refine(&start)
+    }
+
     /// Refines a start and keeps what comes of it.
     fn refine(&mut self, start: &Map<T>) -> Result<(), Error> {
         if self.options.robust {
@@ -130,9 +134,9 @@ impl<T: Real> Attempts<'_, '_, T> {
         }
     }
 
-    /// Refines the maps from bearings alone, laid over another, and as they are as well: what they are laid
-    /// over may be far off.
-    fn refine_from_bearings(&mut self, target: Option<&Map<T>>) -> Result<(), Error> {
+    /// Refines the maps from bearings alone, fitted, and as they are as well: where odometry is worth next to
+    /// nothing that may lead lower.
+    fn refine_from_bearings(&mut self) -> Result<(), Error> {
         let alone = self.problem.clone().without_ties();
         let progress = self.progress.as_mut();
         let progress = progress.map(|progress| &mut **progress as Progress<'_>);
@@ -140,13 +144,9 @@ impl<T: Real> Attempts<'_, '_, T> {
             Ok(best) => best,
             Err(error) => return self.give_up(error),
         };
-        for map in core::iter::once(&best)
-            .chain(&best.alternatives)
-            .map(|rival| &rival.map)
-        {
-            if let Some(target) = target {
-                self.refine(&laid_over(map, target))?;
-            }
+        let rivals = core::iter::once(&best).chain(&best.alternatives);
+        for map in rivals.map(|rival| &rival.map) {
+            self.refine_fitted(map)?;
             self.refine(map)?;
         }
         Ok(())
@@ -184,21 +184,4 @@ fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
     found.termination.was_successful()
         && found.undetermined.iter().all(hopeless)
         && excess <= 0.0_f64.max(PLAUSIBLE * nalgebra::ComplexField::sqrt(2.0 * freedom))
-}
-
-/// A map laid over another by the positions that both determine.
-fn laid_over<T: Real>(map: &Map<T>, target: &Map<T>) -> Map<T> {
-    let points = |map: &Map<T>| -> Vec<Option<Point2<T>>> {
-        let views = map
-            .poses
-            .iter()
-            .map(|pose| pose.map(|pose| pose.translation.vector.into()));
-        views.chain(map.landmarks.iter().copied()).collect()
-    };
-    let pairs = points(map).into_iter().zip(points(target));
-    let (from, to): (Vec<_>, Vec<_>) = pairs.filter_map(|(a, b)| Some((a?, b?))).unzip();
-    match align(&from, &to) {
-        Ok(similarity) => map.transformed(&similarity),
-        Err(_) => map.clone(),
-    }
 }

@@ -18,7 +18,7 @@ mod settle;
 
 use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
-use super::solve::{assess, solve};
+use super::solve::{assess, refuse_free, solve};
 use super::{bounded, search, triples};
 use crate::error::Error;
 use crate::estimation::{
@@ -96,6 +96,8 @@ pub(super) fn solve_robust<T: Real>(
         return Err(NOTHING);
     };
     let mut found = reconstruction(problem, best);
+    refuse_free(&problem.subset(&best.inliers), &found)?;
+    refuse_chance(&found)?;
     found.alternatives = rivals
         .iter()
         .map(|rival| reconstruction(problem, rival))
@@ -139,6 +141,28 @@ pub(super) fn from_start<T: Real>(
     let settled = replace(problem, settled, &plain, &mut random)?;
     Ok(Some(reconstruction(problem, &settled)))
 }
+
+/// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
+/// unknowns, and a few more.
+fn refuse_chance<T: Real>(found: &Reconstruction<T>) -> Result<(), Error> {
+    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
+    let share = found.freedom as f64 / outliers as f64;
+    if outliers > FEW_OUTLIERS && share < CONSENSUS {
+        return Err(Error::NoConsensus {
+            inliers: found.inliers.len() - outliers,
+            outliers,
+            freedom: found.freedom,
+        });
+    }
+    Ok(())
+}
+
+/// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a
+/// tenth, scenes with three outliers in ten one or more.
+const CONSENSUS: f64 = 0.25;
+
+/// So few outliers are no sign of chance, however few bearings there are.
+const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {

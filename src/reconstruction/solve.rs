@@ -239,6 +239,21 @@ fn judge<T: Real>(
     mut best: Reconstruction<T>,
 ) -> Result<Reconstruction<T>, Error> {
     assess(problem, &mut best);
+    refuse_free(problem, &best)?;
+    Ok(best)
+}
+
+/// Refuses a map that exact bearings leave free in a direction.
+///
+/// Odometry and priors may hold what bearings do not, however loosely beside them: with these it is
+/// `diagnose` and the covariance that tell.
+pub(super) fn refuse_free<T: Real>(
+    problem: &Problem<T>,
+    best: &Reconstruction<T>,
+) -> Result<(), Error> {
+    if !problem.ties().is_empty() {
+        return Ok(());
+    }
     // Beyond this the number is rounding itself.
     let bound = 1.0 / (8.0 * T::eps().sqrt().as_f64());
     let per_radian = best.sensitivity * mean_weight(problem);
@@ -251,7 +266,7 @@ fn judge<T: Real>(
             bound,
         });
     }
-    Ok(best)
+    Ok(())
 }
 
 /// Root mean square of one over sigma.

@@ -156,6 +156,106 @@ fn known_landmarks_fix_the_frame() {
     assert!((covariance.landmarks[0].unwrap()[(0, 0)].sqrt() / 1e-4 - 1.0).abs() < 0.1);
 }
 
+/// What only fixes the frame takes nothing from the bearings, wherever it is.
+#[test]
+fn one_known_place_costs_nothing() {
+    let unknown = f64::INFINITY;
+    for seed in 0..6 {
+        let scene = common::scene(Layout::Enclosed, 8, 12, 0.5, seed);
+        let alone = Problem::dense(8, 12, &scene.bearings, NOISE).unwrap();
+        let cost = solve(&alone, &SolveOptions::default(), None).unwrap().cost;
+        let limit = cost * (1.0 + 1e-6);
+        for sigma in [1e-3, 0.1, 10.0] {
+            for robust in [false, true] {
+                let options = SolveOptions {
+                    robust,
+                    ..SolveOptions::default()
+                };
+                let landmark = LandmarkPrior {
+                    landmark: 5,
+                    position: Point2::new(10.0, 3.0),
+                    noise: Noise::Sigmas([sigma; 2]),
+                };
+                let problem = alone.clone().with_landmark_priors(&[landmark]).unwrap();
+                let found = solve(&problem, &options, None).unwrap();
+                assert!(
+                    found.cost <= limit,
+                    "{seed} {sigma} {robust}: {} {cost}",
+                    found.cost
+                );
+                for heading in [sigma, unknown] {
+                    let view = PosePrior {
+                        view: 3,
+                        pose: pose(1.0, 2.0, 0.5),
+                        noise: Noise::Sigmas([sigma, sigma, heading]),
+                    };
+                    let problem = alone.clone().with_pose_priors(&[view]).unwrap();
+                    let found = solve(&problem, &options, None).unwrap();
+                    assert!(
+                        found.cost <= limit,
+                        "{seed} {sigma} {robust}: {} {cost}",
+                        found.cost
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A compass tells which way views look that lines do not tell.
+#[test]
+fn a_compass_and_lines() {
+    for seed in 0..6 {
+        let scene = common::scene(Layout::Enclosed, 8, 12, 0.5, seed);
+        let lines = Problem::dense(8, 12, &scene.bearings, NOISE)
+            .unwrap()
+            .unoriented();
+        let alone = solve(&lines, &SolveOptions::default(), None).unwrap();
+        let compass: Vec<_> = scene
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(view, &pose)| PosePrior {
+                view,
+                pose,
+                noise: Noise::Sigmas([f64::INFINITY, f64::INFINITY, 0.02]),
+            })
+            .collect();
+        let problem = lines.with_pose_priors(&compass).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        // Eight headings, each one term of about a half.
+        assert!(
+            found.cost < alone.cost + 15.0,
+            "{seed}: {} {}",
+            found.cost,
+            alone.cost
+        );
+        for (pose, truth) in found.map.poses.iter().zip(&scene.poses) {
+            assert!(
+                pose.unwrap().rotation.angle_to(&truth.rotation).abs() < 0.2,
+                "{seed}"
+            );
+        }
+    }
+}
+
+/// Odometry that is a million times looser than the bearings holds the scale all the same.
+#[test]
+fn loose_odometry_beside_sharp_bearings() {
+    let scene = common::scene(Layout::Enclosed, 8, 12, 0.0, 2);
+    let odometry = scene.odometry([0.1, 0.1, 0.1], 1).unwrap();
+    for sigma in [1e-5, 1e-7] {
+        let problem = Problem::dense(8, 12, &scene.bearings, sigma).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let frame = Frame::FirstView;
+        let covariance = covariance(&problem, &found.map, Loss::Squared, frame, None).unwrap();
+        assert_eq!(covariance.free, 0);
+        let trace = covariance.landmarks[4].unwrap().trace();
+        assert!(trace > 1e-4 && trace < 1.0, "{sigma}: {trace}");
+    }
+}
+
 /// Four beacons on a square leave a direction free to bearings alone; known ones do not.
 #[test]
 fn known_beacons_localise_one_view_after_the_other() {

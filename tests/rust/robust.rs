@@ -320,6 +320,19 @@ fn contamination_is_what_it_says() {
     assert_eq!(clean.contaminate(0.0, 7).0, clean);
 }
 
+#[test]
+fn random_bearings_have_no_consensus() {
+    for seed in 0..4 {
+        let exact = scene(Layout::Mixed, 8, 12, 0.5, seed);
+        let (noise, _) = exact.contaminate(1.0, seed);
+        let error = solve(&problem(&noise), &options(), None).unwrap_err();
+        assert!(
+            matches!(error, Error::NoConsensus { .. } | Error::Degenerate { .. }),
+            "{error}"
+        );
+    }
+}
+
 /// Whether the inliers are those of the truth, but for a few of each kind.
 fn tells(found: &[bool], truth: &[bool]) -> bool {
     let wrong = found.iter().zip(truth).filter(|(a, b)| a != b).count();

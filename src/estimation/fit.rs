@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A map moved as a whole to where odometry and priors want it.
+//!
+//! Bearings do not change when a map is moved, turned and scaled, so this costs them nothing, and what only
+//! fixes the frame is fulfilled exactly before anything is refined.
+
+use super::bundle::Bundle;
+use super::map::{Map, Subject};
+use super::priors::Tie;
+use super::problem::Problem;
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::{
+    Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
+};
+
+/// Steps of Gauss-Newton in the four numbers of a similarity; it converges in a few.
+const STEPS: usize = 30;
+
+/// The map after the similarity with the least cost of its ties, near the best of some first ones.
+///
+/// With bearings modulo pi every heading may be turned round as well, each for itself.
+pub fn fitted<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Map<T> {
+    let active = map.restrict(problem);
+    if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
+        return map.clone();
+    }
+    let mut best = settle(&active, Bundle::from_map(map));
+    for first in first_frames(&active, &Bundle::from_map(map)) {
+        let mut bundle = Bundle::from_map(map);
+        bundle.transform(&first);
+        let found = settle(&active, bundle);
+        if found.0 < best.0 {
+            best = found;
+        }
+    }
+    let mut result = map.clone();
+    best.1.write_to(&mut result);
+    result
+}
+
+/// The cost of the ties.
+fn cost<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> T {
+    let ties = problem.ties().iter();
+    ties.fold(T::zero(), |sum, tie| sum + tie.linearize(bundle).square())
+}
+
+/// Turns headings round where ties want it: from prior to prior and along the odometry.
+fn turn_round<T: Real>(problem: &Problem<T>, bundle: &mut Bundle<T>) {
+    if problem.is_oriented() {
+        return;
+    }
+    for tie in problem.ties() {
+        let (view, wanted) = match tie {
+            Tie::Pose { view, pose, root } if root[2][2] > T::zero() => (*view, pose.rotation),
+            Tie::Motion {
+                start, end, delta, ..
+            } => (*end, bundle.poses[*start].rotation * delta.rotation),
+            _ => continue,
+        };
+        let rotation = &mut bundle.poses[view].rotation;
+        let apart = wanted.inverse() * *rotation;
+        if apart.re < T::zero() {
+            *rotation = UnitComplex::new_unchecked(-rotation.into_inner());
+        }
+    }
+}
+
+/// First guesses: by the known points, by the known headings, by the lengths of motions.
+fn first_frames<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Similarity2<T>> {
+    let mut pairs: Vec<(Point2<T>, Point2<T>)> = Vec::new();
+    let mut turn = Complex::new(T::zero(), T::zero());
+    let (mut lengths, mut squares) = (T::zero(), T::zero());
+    for tie in problem.ties() {
+        match tie {
+            Tie::Landmark {
+                landmark, position, ..
+            } => pairs.push((bundle.landmarks[*landmark], *position)),
+            Tie::Pose { view, pose, root } => {
+                let estimate = &bundle.poses[*view];
+                if root[0][0] > T::zero() && root[1][1] > T::zero() {
+                    let place = |v: &Vector2<T>| Point2::from(*v);
+                    let (a, b) = (&estimate.translation.vector, &pose.translation.vector);
+                    pairs.push((place(a), place(b)));
+                }
+                if root[2][2] > T::zero() {
+                    let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
+                    // Modulo pi the double is what is known.
+                    turn += if problem.is_oriented() { by } else { by * by };
+                }
+            }
+            Tie::Motion {
+                start, end, delta, ..
+            } => {
+                let [from, to] = [start, end].map(|view| bundle.poses[*view].translation.vector);
+                let length = (to - from).norm();
+                lengths += length * delta.translation.vector.norm();
+                squares += length * length;
+            }
+        }
+    }
+    let mut found = Vec::new();
+    let (source, target): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+    found.extend(crate::geometry::align(&source, &target));
+    let scale = lengths / squares;
+    let scale = if scale > T::zero() && scale.is_finite() {
+        scale
+    } else {
+        T::one()
+    };
+    let norm = turn.norm_sqr().sqrt();
+    let rotation = if norm > T::eps() {
+        let angle = turn.im.atan2(turn.re);
+        let part = if problem.is_oriented() {
+            T::one()
+        } else {
+            T::lit(0.5)
+        };
+        UnitComplex::new(angle * part)
+    } else {
+        UnitComplex::identity()
+    };
+    let half_turn = UnitComplex::new_unchecked(-rotation.into_inner());
+    for rotation in [rotation, half_turn] {
+        let mut similarity = Similarity2::from_parts(Translation2::identity(), rotation, scale);
+        if let Some((from, to)) = pairs.first() {
+            let shift = to - similarity.transform_point(from);
+            similarity.isometry.translation = Translation2::from(shift);
+        }
+        found.push(similarity);
+    }
+    found
+}
+
+/// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
+fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>) {
+    turn_round(problem, &mut bundle);
+    let mut now = cost(problem, &bundle);
+    for _ in 0..STEPS {
+        let middle = bundle.middle();
+        let mut normal = Matrix4::<T>::zeros();
+        let mut gradient = Vector4::<T>::zeros();
+        for tie in problem.ties() {
+            let row = tie.linearize(&bundle);
+            for k in 0..3 {
+                let mut change = Vector4::zeros();
+                for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
+                    let (position, heading) = match subject {
+                        Subject::View(view) => (bundle.poses[view].translation.vector, T::one()),
+                        Subject::Landmark(landmark) => {
+                            (bundle.landmarks[landmark].coords, T::zero())
+                        }
+                    };
+                    let q = position - middle;
+                    let [x, y, turned] = jacobian[k];
+                    change += Vector4::new(
+                        x,
+                        y,
+                        y * q.x - x * q.y + turned * heading,
+                        x * q.x + y * q.y,
+                    );
+                }
+                normal += change * change.transpose();
+                gradient += change * row.residual[k];
+            }
+        }
+        // What no tie holds gets no step.
+        let bound = normal.amax() * T::eps();
+        let Ok(inverse) = normal.pseudo_inverse(bound) else {
+            break;
+        };
+        let step = -(inverse * gradient);
+        let mut part = T::one();
+        let mut lower = None;
+        for _ in 0..HALVINGS {
+            let by = step * part;
+            let rotation = UnitComplex::new(by.z);
+            let scale = by.w.exp();
+            let shift = middle + by.xy() - rotation * middle * scale;
+            let mut moved = bundle.clone();
+            if scale > T::zero() && scale.is_finite() && shift.norm_squared().is_finite() {
+                let shift = Translation2::from(shift);
+                moved.transform(&Similarity2::from_parts(shift, rotation, scale));
+                let there = cost(problem, &moved);
+                if there < now {
+                    lower = Some((there, moved));
+                    break;
+                }
+            }
+            part *= T::lit(0.25);
+        }
+        let Some((there, moved)) = lower else { break };
+        let gained = now - there;
+        (now, bundle) = (there, moved);
+        if gained <= now * T::lit(1e-12).max(T::eps()) {
+            break;
+        }
+    }
+    (now, bundle)
+}
+
+/// Times that a step which does not lower the cost is quartered.
+const HALVINGS: usize = 8;
