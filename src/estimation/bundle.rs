@@ -234,12 +234,6 @@ impl<T: Real> Bundle<T> {
         }
     }
 
-    /// The mean position of the views.
-    pub fn middle(&self) -> Vector2<T> {
-        let views = self.poses.iter().map(|pose| pose.translation.vector);
-        views.fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(self.poses.len().max(1) as f64)
-    }
-
     /// Scales all positions.
     pub fn scale(&mut self, factor: T) {
         for pose in &mut self.poses {

@@ -5,6 +5,7 @@
 //! fixes the frame is fulfilled exactly before anything is refined.
 
 use super::bundle::Bundle;
+use super::linearized::{centroid, kept_positions};
 use super::map::{Map, Subject};
 use super::priors::Tie;
 use super::problem::Problem;
@@ -137,7 +138,7 @@ fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
-        let middle = bundle.middle();
+        let middle = centroid(&kept_positions::<T, 3>(&bundle));
         let mut normal = Matrix4::<T>::zeros();
         let mut gradient = Vector4::<T>::zeros();
         for tie in problem.ties() {

@@ -63,14 +63,6 @@ impl<T: Real> Loss<T> {
             }
         }
     }
-
-    /// Its width, in standard deviations; none for [`Loss::Squared`].
-    pub fn width(self) -> Option<T> {
-        match self {
-            Self::Squared => None,
-            Self::Huber(c) | Self::Cauchy(c) | Self::Truncated(c) => Some(c),
-        }
-    }
 }
 
 #[cfg(test)]
