@@ -20,7 +20,7 @@ from bearslam.errors import BearslamError, DegenerateError, ExecutorError, Inval
 from bearslam.files import load, save
 from bearslam.montecarlo.result import SweepResult
 from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import Problem, Sightings
+from bearslam.problem import Offsets, Problem, Sightings
 from bearslam.reconstruction import Reconstruction, Undetermined
 from bearslam.resect import resect
 from bearslam.simulate import Scene, simulate
@@ -46,6 +46,7 @@ __all__ = [
     "LandmarkPriors",
     "NullDirection",
     "Odometry",
+    "Offsets",
     "PosePriors",
     "Problem",
     "Reconstruction",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bearslam.coerce import FloatArray, IntArray, floats, indices, plain
 from bearslam.errors import InvalidInputError
 
-__all__ = ["LandmarkPriors", "Odometry", "PosePriors"]
+__all__ = ["LandmarkPriors", "Odometry", "PosePriors", "keep", "noise"]
 
 RANGE = (1e-100, 1e100)
 """Standard deviations whose squares, and theirs in turn, are numbers."""
@@ -63,12 +63,12 @@ class Odometry:
             raise InvalidInputError(
                 f"end[{where}]: expected another view than that of start, got {last[where]} for both"
             )
-        _keep(
+        keep(
             self,
             start=first,
             end=last,
             delta=floats("delta", delta, (k, 3)),
-            sigma=_noise("sigma", sigma, k, 3),
+            sigma=noise("sigma", sigma, k, 3),
         )
 
     def __len__(self) -> int:
@@ -114,7 +114,7 @@ class PosePriors:
     def __init__(self, view: ArrayLike, pose: ArrayLike, sigma: ArrayLike) -> None:
         index = indices("view", view)
         k = len(index)
-        _keep(self, view=index, pose=floats("pose", pose, (k, 3)), sigma=_noise("sigma", sigma, k, 3, unknown=True))
+        keep(self, view=index, pose=floats("pose", pose, (k, 3)), sigma=noise("sigma", sigma, k, 3, unknown=True))
 
     def __len__(self) -> int:
         return len(self.view)
@@ -157,11 +157,11 @@ class LandmarkPriors:
         index = indices("landmark", landmark)
         k = len(index)
         each = plain("sigma", sigma)
-        _keep(
+        keep(
             self,
             landmark=index,
             position=floats("position", position, (k, 2)),
-            sigma=_noise("sigma", np.repeat(each, 2) if each.ndim == 0 else each, k, 2),
+            sigma=noise("sigma", np.repeat(each, 2) if each.ndim == 0 else each, k, 2),
         )
 
     def __len__(self) -> int:
@@ -171,7 +171,8 @@ class LandmarkPriors:
         return f"<LandmarkPriors: {len(self)} landmarks>"
 
 
-def _keep(owner: object, **fields: IntArray | FloatArray) -> None:
+def keep(owner: object, **fields: IntArray | FloatArray) -> None:
+    """Set fields of a frozen dataclass to read-only copies."""
     for name, values in fields.items():
         own = values.copy()
         own.flags.writeable = False
@@ -184,7 +185,7 @@ def _as_many(name: str, values: IntArray, k: int, other: str) -> IntArray:
     return values
 
 
-def _noise(name: str, value: ArrayLike, k: int, n: int, *, unknown: bool = False) -> FloatArray:
+def noise(name: str, value: ArrayLike, k: int, n: int, *, unknown: bool = False) -> FloatArray:
     """Standard deviations (k, n), or covariances (k, n, n)."""
     given = plain(name, value)
     if given.ndim == 3:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bearslam.coerce import SEED_LIMIT, choice, quote, real, whole
 from bearslam.errors import InvalidInputError
 from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import GAPS, ProblemLike, Table, tabulate
+from bearslam.problem import GAPS, Problem, ProblemLike, Table, tabulate
 from bearslam.reconstruction import FRAMES, CovarianceFrame, Reconstruction, Termination, Undetermined
 
 if TYPE_CHECKING:
@@ -45,6 +45,11 @@ class Known:
         motions = _instance("odometry", odometry, Odometry)
         poses = _instance("pose_priors", pose_priors, PosePriors)
         points = _instance("landmark_priors", landmark_priors, LandmarkPriors)
+        if isinstance(problem, Problem):
+            motions = problem.odometry if motions is None else motions
+            poses = problem.known_poses() if poses is None else poses
+            points = problem.known_landmarks() if points is None else points
+        self.odometry, self.pose_priors, self.landmark_priors = motions, poses, points
         views = [] if motions is None else [motions.start, motions.end]
         views += [] if poses is None else [poses.view]
         landmarks = [] if points is None else [points.landmark]
@@ -179,6 +184,9 @@ def wrapped(known: Known, raw: RawReconstruction, alternatives: tuple[Reconstruc
         landmark_covariance=raw["landmark_covariance"],
         covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
         oriented=known.raw["oriented"],
+        odometry=known.odometry,
+        pose_priors=known.pose_priors,
+        landmark_priors=known.landmark_priors,
         view_ids=table.view_ids,
         landmark_ids=table.landmark_ids,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bearslam.coerce import FloatArray
+from bearslam.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.problem import Sightings
 
 if TYPE_CHECKING:
@@ -115,6 +116,10 @@ class Reconstruction:
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and every heading is known modulo pi only, each
         for itself: it is given in (-pi/2, pi/2], unless odometry or priors tell more.
+    odometry : Odometry, or None
+    pose_priors : PosePriors, or None
+    landmark_priors : LandmarkPriors, or None
+        What the map was made from besides sightings.
     view_ids, landmark_ids : tuple of str, or None
         The names that views and landmarks have in the file that the problem came from.
     """
@@ -138,6 +143,9 @@ class Reconstruction:
     landmark_covariance: FloatArray | None = None
     covariance_frame: CovarianceFrame | None = None
     oriented: bool = True
+    odometry: Odometry | None = None
+    pose_priors: PosePriors | None = None
+    landmark_priors: LandmarkPriors | None = None
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from bearslam import _core
 from bearslam.coerce import Progress, observer
 from bearslam.diagnose import diagnosed
-from bearslam.errors import DegenerateError
+from bearslam.errors import DegenerateError, InvalidInputError
 from bearslam.maps import MapLike, pick
 from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import ProblemLike
+from bearslam.problem import Problem, ProblemLike
 from bearslam.raw import LOSSES, METHODS, Known, frame, ranked, refinement, search, wrapped
 from bearslam.reconstruction import CovarianceFrame, Reconstruction
 
@@ -79,7 +79,7 @@ def solve(
         Whether bearings are rays. False for lines, known modulo pi only: headings are then known modulo pi as well,
         each for itself.
     odometry : Odometry, optional
-        Measured motions between views. They know the scale.
+        Measured motions between views. They know the scale. These and priors are by default those of the `Problem`.
     pose_priors : PosePriors, optional
         Poses known beforehand, or parts of them: a compass knows headings.
     landmark_priors : LandmarkPriors, optional
@@ -217,7 +217,7 @@ def initialize(
     Parameters
     ----------
     problem, sigma, oriented, method, triples, grown, seed, progress
-        As for `solve`.
+        As for `solve`. Odometry and priors of a `Problem` are not looked at.
     loss, loss_scale
         As for `solve`: how the maps are judged.
 
@@ -243,7 +243,8 @@ def initialize(
     >>> linear.cost > solve(scene.bearings).cost
     True
     """
-    known = Known(problem, sigma, loss=loss, oriented=oriented)
+    bearings = problem.bearings_only() if isinstance(problem, Problem) else problem
+    known = Known(bearings, sigma, loss=loss, oriented=oriented)
     raws = _core.initialize(
         known.raw,
         search(method=method, triples=triples, grown=grown, seed=seed),
@@ -255,7 +256,7 @@ def initialize(
 
 def refine(
     problem: ProblemLike,
-    start: MapLike,
+    start: MapLike | None = None,
     *,
     sigma: ArrayLike = 1.0,
     loss: Loss = "squared",
@@ -278,9 +279,9 @@ def refine(
         As for `solve`.
     max_iterations, damping, tolerance, progress
         As for `solve`.
-    start : Reconstruction, Scene or (poses, landmarks)
+    start : Reconstruction, Scene or (poses, landmarks), optional
         Poses (m, 3) and landmarks (n, 2) to start at; NaN for what is to be left out. In any frame and scale without
-        odometry and priors, in theirs otherwise.
+        odometry and priors, in theirs otherwise. By default the start that a `Problem` comes with.
 
     Returns
     -------
@@ -315,6 +316,10 @@ def refine(
         pose_priors=pose_priors,
         landmark_priors=landmark_priors,
     )
+    if start is None:
+        start = problem.start if isinstance(problem, Problem) else None
+    if start is None:
+        raise InvalidInputError("start: expected a map to start at, for the problem comes with none; solve needs none")
     guess = pick("start", start, known.table.views, known.table.landmarks)
     raw = _core.refine(
         known.raw,

@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
+import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
 from bearslam.problem import tabulate
 
@@ -109,7 +110,7 @@ def test_bad_problems(problem, sigma, message):
 @pytest.mark.parametrize(
     ("views", "message"),
     [
-        (["a"], "view_ids: expected 2 names, got 1"),
+        (["a"], "view_ids: expected at least 2 names, got 1"),
         (["a", "a"], "view_ids: expected distinct names, got 'a' twice"),
         (["a", ""], r"view_ids\[1\]: expected a name"),
         (["a", " b"], r"view_ids\[1\]: expected a name"),
@@ -120,3 +121,85 @@ def test_bad_problems(problem, sigma, message):
 def test_bad_names(views, message):
     with pytest.raises(InvalidInputError, match=f"^{message}"):
         Problem(Sightings([0, 1], [0, 0], [0.1, 0.2]), views, ["door"])
+
+
+def everything():
+    """A problem with all that there can be."""
+    scene = bearslam.simulate("enclosed", 4, 6, noise=0.01, seed=1)
+    seen = Sightings(*np.nonzero(np.isfinite(scene.bearings)), scene.bearings.ravel(), 0.01)
+    return scene, {
+        "sightings": seen,
+        "view_ids": ["a", "b", "c", "d", "e"],
+        "landmark_ids": [str(j) for j in range(6)],
+        "odometry": bearslam.Odometry([2, 3], [3, 4], [[1, 0, 0], [1, 0, 0.1]], [0.1, 0.1, 0.1]),
+        "pose_priors": bearslam.PosePriors([1], [scene.poses[1]], [0.1, 0.1, np.inf]),
+        "landmark_priors": bearslam.LandmarkPriors([3], [scene.landmarks[3]], np.eye(2)[None]),
+        "start": (np.vstack([scene.poses, np.full(3, np.nan)]), scene.landmarks),
+        "fixed_views": [2, 0, 0],
+        "fixed_landmarks": [5],
+    }
+
+
+def test_all_that_a_problem_can_have_is_used():
+    scene, parts = everything()
+    problem = Problem(**parts)
+    assert repr(problem) == "<Problem: 24 of 6 landmarks from 5 views, 2 motions, 1 known pose, 1 known landmark>"
+    assert problem.fixed_views == (0, 2)
+    given = {
+        "odometry": problem.odometry,
+        "pose_priors": bearslam.PosePriors(
+            [1, 0, 2], scene.poses[[1, 0, 2]], [[0.1, 0.1, np.inf], [1e-6] * 3, [1e-6] * 3]
+        ),
+        "landmark_priors": bearslam.LandmarkPriors([3, 5], scene.landmarks[[3, 5]], [np.eye(2), 1e-12 * np.eye(2)]),
+    }
+    one, other = bearslam.solve(problem), bearslam.solve(parts["sightings"], **given)
+    np.testing.assert_array_equal(one.poses, other.poses)
+    assert one.cost == other.cost
+    assert one.odometry is problem.odometry
+    assert len(one.pose_priors) == 3
+    assert np.abs(one.poses[[0, 2]] - scene.poses[[0, 2]]).max() < 1e-4  # fixed
+    refined = bearslam.refine(problem)
+    assert refined.cost == pytest.approx(one.cost, rel=1e-6)
+    alone = bearslam.solve(problem, odometry=bearslam.Odometry([0], [1], [[1, 0, 0]], [100, 100, 100]))
+    assert len(alone.odometry) == 1
+    assert len(bearslam.initialize(problem).poses) == 5
+    assert problem.bearings_only().odometry is None
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("view_ids", ["a", "b", "c", "d"], r"start: poses: expected an array of shape \(4, 3\)"),
+        ("odometry", bearslam.Odometry([4], [5], [[0, 0, 0]], [1, 1, 1]), r"odometry: end: .* 5 views, got 5"),
+        ("pose_priors", bearslam.PosePriors([5], [[0, 0, 0]], [1, 1, 1]), r"pose_priors: view: .* got 5"),
+        ("landmark_priors", bearslam.LandmarkPriors([6], [[0, 0]], 1.0), r"landmark_priors: landmark: .* got 6"),
+        ("offsets", bearslam.Offsets([24], [[0, 1]], [1, 1]), r"offsets: sighting: .* got 24"),
+        ("start", (np.zeros((4, 3)), np.zeros((6, 2))), r"start: poses: expected an array of shape \(5, 3\)"),
+        ("start", None, r"fixed_views: expected a place in start"),
+        ("fixed_views", [4], r"fixed_views: expected a place in start for what is fixed, got none for 4"),
+        ("fixed_landmarks", [6], r"fixed_landmarks: expected indices of the 6 landmarks, got 6"),
+    ],
+)
+def test_parts_that_do_not_fit(name, value, message):
+    _, parts = everything()
+    with pytest.raises(InvalidInputError, match=message):
+        Problem(**{**parts, name: value})
+
+
+def test_offsets():
+    correlated = np.array([[[0.04, 0.01], [0.01, 0.02]]])
+    offsets = bearslam.Offsets([0], [[3, 4]], correlated)
+    step = 1e-6
+    moved = [bearslam.Offsets([0], [[3 + dx, 4 + dy]], correlated).bearing[0] for dx, dy in ((step, 0), (0, step))]
+    slope = (np.array(moved) - offsets.bearing[0]) / step
+    assert offsets.bearing_sigma[0] == pytest.approx(np.sqrt(slope @ correlated[0] @ slope), rel=1e-5)
+    with pytest.raises(InvalidInputError, match=r"position\[1\]: expected a landmark apart"):
+        bearslam.Offsets([0, 1], [[1, 0], [0, 0]], [1, 1])
+    with pytest.raises(InvalidInputError, match="sighting: expected every sighting at most once"):
+        bearslam.Offsets([0, 0], [[1, 0], [1, 0]], [1, 1])
+
+
+def test_refine_without_a_start():
+    _, parts = everything()
+    with pytest.raises(InvalidInputError, match="start: expected a map to start at"):
+        bearslam.refine(parts["sightings"])
