@@ -14,6 +14,7 @@ mod examine;
 mod family;
 mod figure;
 mod finding;
+mod fold;
 mod movers;
 mod own;
 mod report;

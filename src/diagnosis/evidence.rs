@@ -103,19 +103,14 @@ impl<T: Real> Own<T> {
                 self.shows(&map, kind, noise).then_some(map)
             })
         };
-        let four = || {
-            let few = self.problem.landmarks() == 4;
-            let shown = |map: &&Map<T>| self.shows(map, Kind::FourLandmarksOnACircle, noise);
-            others.iter().filter(|_| few).find(shown).cloned()
-        };
         member(&Family::aligned, Kind::LinesOfViewsAndOfLandmarks)
             .or_else(|| member(&Family::compact, Kind::CollinearLandmarks))
-            .or_else(four)
+            .or_else(|| self.folded(&found.map, &others, noise))
             .map(|map| (map, Vec::new()))
     }
 
     /// A given map; if it shows nothing, what the bearings show, or a wall whose noise has been taken for
-    /// depth.
+    /// depth, or a circle that noise has left.
     pub fn given(&self, map: Map<T>, hopeless: bool) -> Judged<T> {
         let stated = self.stated_noise();
         let (_, estimated) = self.spread(&map);
@@ -132,7 +127,13 @@ impl<T: Real> Own<T> {
                 let wall = Family::of(&self.problem, &map, &lost)
                     .and_then(|family| self.settled(family.compact()?, &map, noise))
                     .filter(|member| self.shows(member, Kind::CollinearLandmarks, noise));
-                if let Some(member) = wall {
+                let four = || {
+                    let few = self.problem.landmarks() == 4;
+                    let others = few.then(|| explaining(&self.problem))?.into_iter();
+                    let others: Vec<_> = others.map(|other| other.map).collect();
+                    self.folded(&map, &others, noise)
+                };
+                if let Some(member) = wall.or_else(four) {
                     (map, lost) = (member, Vec::new());
                 }
             }

@@ -111,8 +111,13 @@ impl<T: Real> Own<T> {
         };
         let mut map = member;
         refine_map(&self.problem, &mut map, &options, None).ok()?;
+        self.explains(&map, known, noise).then_some(map)
+    }
+
+    /// Whether a map explains the bearings as a known one does, or as well as the noise lets expect.
+    pub fn explains(&self, map: &Map<T>, known: &Map<T>, noise: f64) -> bool {
         let bound = AS_GOOD * f64::max(self.spread(known).0, noise);
-        (self.spread(&map).0 <= bound + T::eps().sqrt().as_f64()).then_some(map)
+        self.spread(map).0 <= bound + T::eps().sqrt().as_f64()
     }
 
     /// What a map tells.

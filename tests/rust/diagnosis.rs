@@ -10,6 +10,7 @@ use bearslam::{
 use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, Normal};
 
 const SEEDS: u64 = 4;
 
@@ -213,6 +214,33 @@ fn the_solution_of_a_noisy_wall() {
         }
     }
     assert!(named_walls >= 7, "{named_walls} of 8");
+}
+
+/// Four beacons on a square, seen from within with errors of two degrees: the map and its twin are far off
+/// the circle on either side, and the one between them tells.
+#[test]
+fn beacons_on_a_square_with_much_noise() {
+    let noise = 2_f64.to_radians();
+    let beacons = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)].map(|(x, y)| Point2::new(x, y));
+    let error = Normal::new(0.0, noise).unwrap();
+    let (mut alone, mut of_map) = (0, 0);
+    for seed in 0..20 {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let places = (0..9).map(|k| (1.5 + f64::from(k % 3) * 1.5, 1.5 + f64::from(k / 3) * 1.5));
+        let table: Vec<f64> = places
+            .map(|(x, y)| pose(x, y, 1.6))
+            .flat_map(|pose| beacons.map(|beacon| bearing_to(&pose, &beacon).unwrap().angle()))
+            .map(|bearing| bearing + error.sample(&mut random))
+            .collect();
+        let problem = Problem::dense(9, 4, &table, noise).unwrap();
+        let found = diagnose(&problem, None, None).unwrap();
+        alone += usize::from(named(&found, "four_landmarks_on_a_circle"));
+        if let Ok(solved) = solve(&problem, &SolveOptions::default(), None) {
+            let found = diagnose(&problem, Some(&solved.map), None).unwrap();
+            of_map += usize::from(named(&found, "four_landmarks_on_a_circle"));
+        }
+    }
+    assert!(alone >= 18 && of_map >= 18, "{alone} and {of_map} of 20");
 }
 
 fn room() -> Vec<Point2<f64>> {

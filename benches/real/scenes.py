@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Real scenes from bearings alone: does `solve` come as low as the refinement that starts at the truth?
+
+    python benches/real/scenes.py FILE.npz... --sigma-deg 0.14 [--all]
+
+FILE holds scenes as shared/data/README.md describes them. Every scene is written to a CSV file and read back, and solved
+from its bearings. The oracle is `refine`, started at the truth. "Same" is a cost within 1e-5 of the oracle's (relative),
+"lower" a better map than the one next to the truth, "higher" a failure. Errors are root mean squares over the landmarks
+after the similarity that fits the landmarks best, as shares of the root-mean-square distance of the true ones from their
+mean. A scene is called ill-conditioned where the covariance of the map found (frame "free_network") predicts an error of the
+landmarks above 10 %, and ambiguous where the map has alternatives: by nothing that a user would not know. Prints one line a scene that is not "same" (all with --all), and the sums.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bearslam
+
+Array = NDArray[np.float64]
+SAME = (1e-5, 1e-12)
+"""Relative and absolute difference of costs up to which they are the same, as in a sweep."""
+DOUBTFUL = 0.1
+"""Predicted error from which on a scene is called ill-conditioned."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a scene."""
+
+    name: str
+    size: str
+    verdict: str
+    ratio: float
+    error: float
+    oracle_error: float
+    predicted: float
+    foreseen: float
+    rivals: int
+    rms: float
+    milliseconds: float
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether bearslam says that the bearings hardly determine the map."""
+        return not self.foreseen <= DOUBTFUL
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name:12} {self.size:>8}  {self.verdict:7} cost/oracle {self.ratio:<9.6g} error {self.error:7.4f} "
+            f"oracle {self.oracle_error:7.4f} predicted at the truth {self.predicted:7.4f} at the map "
+            f"{self.foreseen:7.4f} rms {np.degrees(self.rms):.3f} deg {self.milliseconds:6.2f} ms"
+            f"{'  ill-conditioned' * self.doubtful}{'  ambiguous' * (self.rivals > 0)}"
+        )
+
+
+def landmark_error(landmarks: Array, truth: Array) -> float:
+    """Root-mean-square error after the best similarity, over the radius of the truth."""
+    known = np.isfinite(landmarks).all(axis=1) & np.isfinite(truth).all(axis=1)
+    if known.sum() < 2:
+        return np.inf
+    source, target = landmarks[known], truth[known]
+    away = bearslam.align(source, target).apply(source) - target
+    radius = np.sqrt(((target - target.mean(axis=0)) ** 2).sum(axis=1).mean())
+    return float(np.sqrt((away**2).sum(axis=1).mean()) / radius)
+
+
+def foreseen(problem: bearslam.Problem, result: bearslam.Reconstruction, sigma: float) -> float:
+    """The error of the landmarks that the covariance of a map predicts, over their radius."""
+    try:
+        again = bearslam.refine(problem, result, sigma=sigma, covariance="free_network")
+    except bearslam.DegenerateError:
+        return np.inf
+    points, covariance = again.landmarks, again.landmark_covariance
+    assert covariance is not None
+    known = np.isfinite(points).all(axis=1)
+    radius = ((points[known] - points[known].mean(axis=0)) ** 2).sum(axis=1).mean()
+    return float(np.sqrt(np.trace(covariance[known], axis1=1, axis2=2).mean() / radius))
+
+
+def problem_of(scenes: dict[str, Array], name: str, folder: Path) -> bearslam.Problem:
+    """The scene by way of a file."""
+    path = folder / f"{name}.csv"
+    seen = bearslam.Sightings(*(scenes[f"{name}_{part}"] for part in ("view_index", "landmark_index", "bearing")))
+    bearslam.save(seen, path)
+    return bearslam.load(path)
+
+
+def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Outcome:
+    """Solves one scene, and refines it from the truth."""
+    problem = problem_of(scenes, name, folder)
+    # The file numbers views and landmarks by first use; its names are the numbers of the scene.
+    views, landmarks = (np.array(ids, dtype=int) for ids in (problem.view_ids, problem.landmark_ids))
+    poses, points = scenes[f"{name}_true_poses"][views], scenes[f"{name}_true_landmarks"][landmarks]
+    oracle = bearslam.refine(problem, (poses, points), sigma=sigma)
+    before = time.perf_counter()
+    try:
+        result = bearslam.solve(problem, sigma=sigma)
+    except bearslam.DegenerateError as error:
+        print(f"{name}: {error}")
+        result = None
+    elapsed = 1e3 * (time.perf_counter() - before)
+    verdict, ratio = "failed", np.inf
+    if result is not None:
+        ratio = result.cost / oracle.cost
+        apart = abs(result.cost - oracle.cost)
+        verdict = "same" if apart <= SAME[0] * oracle.cost + SAME[1] else "lower" if ratio < 1 else "higher"
+        if len(result.undetermined) != len(oracle.undetermined):
+            verdict += "*"  # costs of other numbers of sightings
+    return Outcome(
+        name=name,
+        size=f"{len(views)}x{len(landmarks)}",
+        verdict=verdict,
+        ratio=ratio,
+        error=np.inf if result is None else landmark_error(result.landmarks, points),
+        oracle_error=landmark_error(oracle.landmarks, points),
+        predicted=float(scenes[f"{name}_crlb"]),
+        foreseen=np.inf if result is None else foreseen(problem, result, sigma),
+        rivals=0 if result is None else len(result.alternatives),
+        rms=np.nan if result is None else result.rms,
+        milliseconds=elapsed,
+    )
+
+
+def summary(name: str, found: list[Outcome]) -> str:
+    """The sums of a file."""
+    count = len(found)
+
+    def number(verdict: str) -> int:
+        return sum(one.verdict.rstrip("*") == verdict for one in found)
+
+    def of(some: Iterable[Outcome]) -> str:
+        errors = [one.error for one in some]
+        return f"{len(errors)}, error above 10 % in {sum(not error < 0.1 for error in errors)}"
+
+    reached = number("same") + number("lower")
+    sound = [one for one in found if not (one.doubtful or one.rivals)]
+    good = sum(one.error < 0.1 for one in found)
+    oracle = sum(one.oracle_error < 0.1 for one in found)
+    lines = [
+        f"{name}: {count} scenes",
+        f"  cost of the oracle or lower  {reached} ({100 * reached / count:.1f} %): same {number('same')}, lower "
+        f"{number('lower')}; higher {number('higher')}, failed {number('failed')}",
+        f"  error below 5 / 10 %         {sum(one.error < 0.05 for one in found)} / {good} "
+        f"(oracle {sum(one.oracle_error < 0.05 for one in found)} / {oracle})",
+        f"  called ill-conditioned       {of(one for one in found if one.doubtful)}",
+        f"  ambiguous (has alternatives) {of(one for one in found if one.rivals and not one.doubtful)} of the others",
+        f"  neither                      {of(sound)}",
+        f"  median error                 {np.median([one.error for one in found]):.4f}, of these last "
+        f"{np.median([one.error for one in sound]) if sound else np.nan:.4f}",
+        f"  residual rms                 median {np.degrees(np.median([one.rms for one in found])):.3f} deg",
+        f"  time                         median {np.median([one.milliseconds for one in found]):.2f} ms, worst "
+        f"{max(one.milliseconds for one in found):.1f} ms",
+    ]
+    return "\n".join(lines)
+
+
+def scene_names(scenes: dict[str, Array]) -> list[str]:
+    """The names of all scenes in a file."""
+    return [key.removesuffix("_bearing") for key in scenes if key.endswith("_bearing")]
+
+
+def main() -> None:
+    """Runs the command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.npz")
+    parser.add_argument("--sigma-deg", type=float, required=True, help="standard deviation of a bearing")
+    parser.add_argument("--all", action="store_true", help="a line for every scene")
+    options = parser.parse_args()
+    for path in options.files:
+        with np.load(path) as file:
+            scenes = dict(file)
+        with tempfile.TemporaryDirectory() as folder:
+            found = [judge(scenes, name, np.radians(options.sigma_deg), Path(folder)) for name in scene_names(scenes)]
+        for one in found:
+            if options.all or one.verdict != "same":
+                print(one)
+        print(summary(path.name, found), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
