@@ -4,12 +4,16 @@
 
     python benches/real/scenes.py FILE.npz... --sigma-deg 0.14 [--all]
 
-FILE holds scenes as shared/data/README.md describes them. Every scene is written to a CSV file and read back, and solved
-from its bearings. The oracle is `refine`, started at the truth. "Same" is a cost within 1e-5 of the oracle's (relative),
-"lower" a better map than the one next to the truth, "higher" a failure. Errors are root mean squares over the landmarks
-after the similarity that fits the landmarks best, as shares of the root-mean-square distance of the true ones from their
-mean. A scene is called ill-conditioned where the covariance of the map found (frame "free_network") predicts an error of the
-landmarks above 10 %, and ambiguous where the map has alternatives: by nothing that a user would not know. Prints one line a scene that is not "same" (all with --all), and the sums.
+FILE is a NumPy archive with the arrays NAME_view_index, NAME_landmark_index, NAME_bearing [rad], NAME_true_poses,
+NAME_true_landmarks and NAME_crlb (the landmark error that the truth lets expect) of every scene NAME. Every scene is
+written to a CSV file, read back, and solved from its bearings. The oracle is `refine`, started at the truth. "Same" is
+a cost within 1e-5 of the oracle's, "lower" a better map than the one next to the truth, "higher" a failure; a star
+stands for another number of undetermined landmarks. Errors are root mean squares over the landmarks after the similarity that
+fits the landmarks best, as shares of the root-mean-square distance of the true ones from their mean.
+
+A scene is called ill-conditioned where the covariance of the map found (frame "free_network") predicts an error of the
+landmarks above 10 %, and ambiguous where the map has alternatives: by nothing that a user would not know. Prints a line
+for every scene that is not "same" (for all with --all), and the sums.
 """
 
 from __future__ import annotations
@@ -41,13 +45,16 @@ class Outcome:
     name: str
     size: str
     verdict: str
-    ratio: float
+    cost: float
+    oracle_cost: float
     error: float
     oracle_error: float
     predicted: float
     foreseen: float
     rivals: int
     rms: float
+    squares: float
+    freedom: int
     milliseconds: float
 
     @property
@@ -57,9 +64,9 @@ class Outcome:
 
     def __str__(self) -> str:
         return (
-            f"{self.name:12} {self.size:>8}  {self.verdict:7} cost/oracle {self.ratio:<9.6g} error {self.error:7.4f} "
-            f"oracle {self.oracle_error:7.4f} predicted at the truth {self.predicted:7.4f} at the map "
-            f"{self.foreseen:7.4f} rms {np.degrees(self.rms):.3f} deg {self.milliseconds:6.2f} ms"
+            f"{self.name:7} {self.size:>6}  {self.verdict:7} cost {self.cost:9.3g} (oracle {self.oracle_cost:9.3g})  "
+            f"error {self.error:7.4f} (oracle {self.oracle_error:7.4f}) predicted {self.predicted:7.4f} (at the map "
+            f"{self.foreseen:7.4f})  rms {np.degrees(self.rms):.3f} deg {self.milliseconds:6.2f} ms"
             f"{'  ill-conditioned' * self.doubtful}{'  ambiguous' * (self.rivals > 0)}"
         )
 
@@ -73,6 +80,14 @@ def landmark_error(landmarks: Array, truth: Array) -> float:
     away = bearslam.align(source, target).apply(source) - target
     radius = np.sqrt(((target - target.mean(axis=0)) ** 2).sum(axis=1).mean())
     return float(np.sqrt((away**2).sum(axis=1).mean()) / radius)
+
+
+def freedom(result: bearslam.Reconstruction) -> int:
+    """Residuals less unknowns."""
+    residuals, views, landmarks = (
+        int(np.isfinite(values).sum()) for values in (result.residuals, result.poses[:, 0], result.landmarks[:, 0])
+    )
+    return residuals + 4 - 3 * views - 2 * landmarks
 
 
 def foreseen(problem: bearslam.Problem, result: bearslam.Reconstruction, sigma: float) -> float:
@@ -110,24 +125,28 @@ def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Ou
         print(f"{name}: {error}")
         result = None
     elapsed = 1e3 * (time.perf_counter() - before)
-    verdict, ratio = "failed", np.inf
+    verdict = "failed"
     if result is not None:
-        ratio = result.cost / oracle.cost
         apart = abs(result.cost - oracle.cost)
-        verdict = "same" if apart <= SAME[0] * oracle.cost + SAME[1] else "lower" if ratio < 1 else "higher"
+        verdict = (
+            "same" if apart <= SAME[0] * oracle.cost + SAME[1] else "lower" if result.cost < oracle.cost else "higher"
+        )
         if len(result.undetermined) != len(oracle.undetermined):
             verdict += "*"  # costs of other numbers of sightings
     return Outcome(
         name=name,
         size=f"{len(views)}x{len(landmarks)}",
         verdict=verdict,
-        ratio=ratio,
+        cost=np.inf if result is None else result.cost,
+        oracle_cost=oracle.cost,
         error=np.inf if result is None else landmark_error(result.landmarks, points),
         oracle_error=landmark_error(oracle.landmarks, points),
         predicted=float(scenes[f"{name}_crlb"]),
         foreseen=np.inf if result is None else foreseen(problem, result, sigma),
         rivals=0 if result is None else len(result.alternatives),
         rms=np.nan if result is None else result.rms,
+        squares=0.0 if result is None else float(np.nansum(result.residuals**2)),
+        freedom=0 if result is None else freedom(result),
         milliseconds=elapsed,
     )
 
@@ -147,6 +166,7 @@ def summary(name: str, found: list[Outcome]) -> str:
     sound = [one for one in found if not (one.doubtful or one.rivals)]
     good = sum(one.error < 0.1 for one in found)
     oracle = sum(one.oracle_error < 0.1 for one in found)
+    noise = np.sqrt(sum(one.squares for one in found) / sum(one.freedom for one in found))
     lines = [
         f"{name}: {count} scenes",
         f"  cost of the oracle or lower  {reached} ({100 * reached / count:.1f} %): same {number('same')}, lower "
@@ -159,6 +179,7 @@ def summary(name: str, found: list[Outcome]) -> str:
         f"  median error                 {np.median([one.error for one in found]):.4f}, of these last "
         f"{np.median([one.error for one in sound]) if sound else np.nan:.4f}",
         f"  residual rms                 median {np.degrees(np.median([one.rms for one in found])):.3f} deg",
+        f"  noise of a bearing           {np.degrees(noise):.3f} deg, by all residuals and what they have to spare",
         f"  time                         median {np.median([one.milliseconds for one in found]):.2f} ms, worst "
         f"{max(one.milliseconds for one in found):.1f} ms",
     ]

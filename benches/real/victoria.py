@@ -51,10 +51,10 @@ def between(start: Array, end: Array) -> Array:
 def optimum(path: Path, problem: bearslam.Problem) -> tuple[Array, Array]:
     """The batch optimum in the order of a problem."""
     rows: dict[str, dict[str, list[float]]] = {"POSE": {}, "LM": {}}
-    for line in gzip.open(path, "rt"):
-        tag, *fields = line.split()
-        if tag in rows:
-            rows[tag][fields[0]] = [float(field) for field in fields[1:]]
+    with gzip.open(path, "rt") as file:
+        for tag, name, *fields in map(str.split, file):
+            if tag in rows:
+                rows[tag][name] = [float(field) for field in fields]
     nothing = [np.nan] * 3
     poses = np.array([rows["POSE"].get(name, nothing) for name in problem.view_ids])
     return poses, np.array([rows["LM"].get(name, nothing[:2]) for name in problem.landmark_ids])
@@ -107,12 +107,16 @@ def describe(name: str, result: bearslam.Reconstruction, truth: tuple[Array, Arr
     driven = np.isfinite(result.poses[:, 0])
     moved = fit.apply_poses(result.poses[driven])
     drift = np.hypot(*(moved - truth[0][driven])[:, :2].T)
+    rms = np.sqrt((away**2).mean())
     radius = np.sqrt(((target - target.mean(axis=0)) ** 2).sum(axis=1).mean())
     print(
-        f"{name:34} cost {result.cost:12.3f}  rms {np.degrees(result.rms):.4f} deg  {result.termination} after "
-        f"{result.iterations}, {seconds:.2f} s\n{'':34} {known.sum()} landmarks, to the optimum: median "
-        f"{np.median(away):.2f} m, rms {np.sqrt((away**2).mean()):.2f} m ({100 * np.sqrt((away**2).mean()) / radius:.2f} "
-        f"% of the radius); poses: median {np.median(drift):.2f} m, largest {drift.max():.2f} m; scale {fit.scale:.4f}"
+        f"{name:34} cost {result.cost:.3f}  rms {np.degrees(result.rms):.4f} deg  {result.termination} after "
+        f"{result.iterations}, {seconds:.2f} s"
+    )
+    print(
+        f"  {known.sum()} landmarks, to the optimum: median {np.median(away):.2f} m, rms {rms:.2f} m, "
+        f"{100 * rms / radius:.2f} % of the radius; poses: median {np.median(drift):.2f} m, largest {drift.max():.2f} m; "
+        f"scale {fit.scale:.4f}"
     )
 
 
