@@ -8,8 +8,8 @@ FILE is a NumPy archive with the arrays NAME_view_index, NAME_landmark_index, NA
 NAME_true_landmarks and NAME_crlb (the landmark error that the truth lets expect) of every scene NAME. Every scene is
 written to a CSV file, read back, and solved from its bearings. The oracle is `refine`, started at the truth. "Same" is
 a cost within 1e-5 of the oracle's, "lower" a better map than the one next to the truth, "higher" a failure; a star
-stands for another number of undetermined landmarks. Errors are root mean squares over the landmarks after the similarity that
-fits the landmarks best, as shares of the root-mean-square distance of the true ones from their mean.
+stands for another number of undetermined landmarks. Errors are root mean squares over the landmarks after the
+similarity that fits the landmarks best, as shares of the root-mean-square distance of the true ones from their mean.
 
 A scene is called ill-conditioned where the covariance of the map found (frame "free_network") predicts an error of the
 landmarks above 10 %, and ambiguous where the map has alternatives: by nothing that a user would not know. Prints a line

@@ -115,8 +115,8 @@ def describe(name: str, result: bearslam.Reconstruction, truth: tuple[Array, Arr
     )
     print(
         f"  {known.sum()} landmarks, to the optimum: median {np.median(away):.2f} m, rms {rms:.2f} m, "
-        f"{100 * rms / radius:.2f} % of the radius; poses: median {np.median(drift):.2f} m, largest {drift.max():.2f} m; "
-        f"scale {fit.scale:.4f}"
+        f"{100 * rms / radius:.2f} % of the radius; poses: median {np.median(drift):.2f} m, largest "
+        f"{drift.max():.2f} m; scale {fit.scale:.4f}"
     )
 
 
