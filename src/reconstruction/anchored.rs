@@ -19,8 +19,16 @@ use alloc::vec::Vec;
 /// Iterations that a growing piece gets each time: it only has to stay near.
 const ITERATIONS: usize = 8;
 
+/// Relative fall of its cost below which it is near enough.
+const NEAR_ENOUGH: f64 = 1e-2;
+
 /// Views after which a piece is refined for the first time.
 const FIRST_VIEWS: usize = 6;
+
+/// The part by which it grows until the next time, and how many views that is at least and at most: a long way
+/// by odometry alone leads out of the reach of the refinement.
+const PART: usize = 20;
+const STRIDE: (usize, usize) = (10, 100);
 
 /// Fewest landmarks that lay one piece over another.
 const MIN_SHARED: usize = 2;
@@ -115,7 +123,7 @@ fn extend<T: Real>(
                 }
             }
             if count >= next {
-                next = count + count / 2 + 1;
+                next = count + (count / PART).clamp(STRIDE.0, STRIDE.1);
                 settle(problem, map, options, (count, problem.views()), progress)?;
             }
         }
@@ -174,6 +182,7 @@ fn settle<T: Real>(
 ) -> Result<(), Error> {
     let options = RefineOptions {
         max_iterations: ITERATIONS.min(options.max_iterations),
+        tolerance: T::lit(NEAR_ENOUGH).max(options.tolerance),
         ..*options
     };
     triangulate_held(problem, map, T::lit(MIN_PARALLAX));
