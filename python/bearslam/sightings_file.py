@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Iterator
 
 from bearslam.coerce import quote
 from bearslam.errors import InvalidInputError
+from bearslam.lines import decode, numbered
 from bearslam.problem import Problem, ProblemLike, Sightings, tabulate
 
 __all__ = ["parse", "render", "row"]
@@ -21,12 +21,7 @@ TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
 
 def parse(data: bytes, name: str) -> Problem:
     """Sightings from the content of a file of that name."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InvalidInputError(f"{name}:{line}: expected text in UTF-8, got byte {data[error.start]:#04x}") from None
-    rows = _rows(text, name)
+    rows = _rows(decode(data, name), name)
     try:
         number, header = next(rows)
     except StopIteration:
@@ -91,7 +86,7 @@ def row(*cells: str) -> str:
 
 
 def _rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
+    for number, line in numbered(text):
         content = line.strip()
         if not content or content.startswith("#"):
             continue
