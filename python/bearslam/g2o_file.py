@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from decimal import Decimal
 from functools import partial
 
 import numpy as np
@@ -85,7 +86,7 @@ def parse(data: bytes, name: str) -> Problem:
 
 def from_information(texts: tuple[str, ...], where: str, *, unknown: bool = False) -> Spread:
     """The noise of an edge from the upper triangle of its information; 0 is for what is `unknown`."""
-    if is_diagonal([float(text) for text in texts]):
+    if is_diagonal([Decimal(text) for text in texts]):
         diagonal = [texts[row[i]] for i, row in enumerate(INDEX[len(texts)])]
         for text in diagonal:
             if not (float(text) > 0 or (unknown and float(text) == 0)):

@@ -72,7 +72,7 @@ def informations(values: tuple[float, ...]) -> tuple[tuple[str, ...], bool]:
     return choices[0], False
 
 
-def is_diagonal(values: Sequence[float]) -> bool:
+def is_diagonal(values: Sequence[float] | Sequence[Decimal]) -> bool:
     """Whether all numbers of an upper triangle are 0 but those of the diagonal."""
     return not any(values[i] for row in range(len(INDEX[len(values)])) for i in INDEX[len(values)][row][row + 1 :])
 
