@@ -68,15 +68,41 @@ def render(problem: ProblemLike) -> str:
     view_ids, landmark_ids = table.view_ids, table.landmark_ids
     views = [str(i) for i in range(table.views)] if view_ids is None else view_ids
     landmarks = [str(j) for j in range(table.landmarks)] if landmark_ids is None else landmark_ids
-    given = problem.sightings if isinstance(problem, Problem) else problem
+    given = problem
+    if isinstance(problem, Problem):
+        _check(problem)
+        given = problem.sightings
     weighted = isinstance(given, Sightings) and given.sigma is not None
     lines = [row("view", "landmark", "bearing", *(["sigma"] if weighted else []))]
     for i, j, bearing, sigma in zip(
         seen.view.tolist(), seen.landmark.tolist(), seen.bearing.tolist(), table.sigma.tolist(), strict=True
     ):
-        turned = math.remainder(bearing, math.tau)
+        turned = bearing if abs(bearing) <= TURN["bearing"] else math.remainder(bearing, math.tau)
         lines.append(row(views[i], landmarks[j], repr(turned), *([repr(sigma)] if weighted else [])))
     return "".join(lines)
+
+
+def _check(problem: Problem) -> None:
+    """Refuse what would be lost."""
+    lost = [
+        name.replace("_", " ")
+        for name in (
+            "odometry",
+            "pose_priors",
+            "landmark_priors",
+            "start",
+            "fixed_views",
+            "fixed_landmarks",
+            "offsets",
+            "others",
+        )
+        if getattr(problem, name)
+    ]
+    if lost:
+        raise InvalidInputError(
+            f"problem: expected sightings alone for a CSV file, got {', '.join(lost)} as well; a .g2o file holds "
+            "these, and Problem.bearings_only() (on the command line --bearings-only) leaves them out"
+        )
 
 
 def row(*cells: str) -> str:
