@@ -49,8 +49,8 @@ class Assembly:
         self.shared = shared
         self.poses: dict[str, tuple[int, tuple[float, ...]]] = {}
         self.points: dict[str, tuple[int, tuple[float, ...]]] = {}
-        self.names: dict[str, tuple[int, str]] = {}
-        self.unknown: dict[str, int] = {}
+        self.names: dict[str, str] = {}
+        self.unknown: set[str] = set()
         self.fixed: list[tuple[int, str]] = []
         self.others: list[tuple[str, str]] = []
         self._views: dict[str, int] = {}
@@ -133,10 +133,6 @@ class Assembly:
                 )
         if not self._seen:
             raise InvalidInputError(f"{self.name}: {nothing}: bearslam needs bearings")
-        spoken = {**self.unknown, **{key: line for key, (line, _) in self.names.items()}}
-        for key, line in spoken.items():
-            if key not in views and key not in landmarks:
-                raise InvalidInputError(f"{self.where(line)}: there is no vertex {key}")
         tags = Counter(tag for tag, _ in self.others)
         try:
             return self._build(
@@ -197,7 +193,7 @@ class Assembly:
         )
 
     def _name(self, key: str) -> str:
-        return self.names[key][1] if key in self.names else key
+        return self.names.get(key, key)
 
     def _places(self, order: Iterable[str], vertices: dict[str, tuple[int, tuple[float, ...]]], n: int) -> FloatArray:
         nowhere = (0, (np.nan,) * n)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The format of g2o, for poses and landmarks in the plane.
 
-What g2o has no words for are comments that `parse` understands and g2o passes over: ``# bearslam name 7 front door``,
-``# bearslam unknown 7`` for a vertex that nothing is known of, and ``# bearslam sigma ...`` or ``# bearslam covariance
-...`` (an upper triangle, row by row) above an edge with information from which it would not come back exactly.
+What g2o has no words for stands in comments at the end of lines, which `parse` understands and g2o and GTSAM pass over:
+``# bearslam name front door`` behind a vertex, ``# bearslam unknown`` behind one of which nothing is known, and ``#
+bearslam sigma ...`` or ``# bearslam covariance ...`` (an upper triangle, row by row) behind an edge with information
+from which it would not come back exactly.
 """
 
 from __future__ import annotations
@@ -49,19 +50,12 @@ NOTHING = "no EDGE_BEARING_SE2_XY or EDGE_SE2_XY"
 def parse(data: bytes, name: str) -> Problem:
     """The problem in the content of a file of that name."""
     graph = Assembly(name, shared=True)
-    exact: tuple[int, str, tuple[float, ...]] | None = None
     for line, text in numbered(decode(data, name)):
-        words = text.split()
+        body, mark, comment = text.partition("#")
+        words = body.split()
         if not words:
             continue
-        tag = words[0]
-        if tag.startswith("#"):
-            if words[:2] == ["#", "bearslam"]:
-                exact = _comment(graph, line, text.strip(), words[2:], exact)
-            continue
-        where = graph.where(line)
-        if "#" in text:
-            words = text[: text.index("#")].split()
+        tag, where = words[0], graph.where(line)
         if tag == "FIX":
             if len(words) < 2:
                 raise InvalidInputError(f"{where}: expected the number of a vertex after FIX, got nothing")
@@ -71,16 +65,17 @@ def parse(data: bytes, name: str) -> Problem:
             if len(words) != 1 + ids + count:
                 raise InvalidInputError(f"{where}: expected {ids + count} numbers after {tag}, got {len(words) - 1}")
             ends = tuple(identifier(word, where) for word in words[1 : 1 + ids])
-            values = numbers(words[1 + ids :], where) if text.isascii() else _no_ascii(words, where)
-            said = None if exact is None else exact[1:]
-            _add(graph, line, tag, ends, values, tuple(words[1 + ids :]), said)
-            exact = None
+            texts = tuple(words[1 + ids :])
+            said = comment.split() if mark else []
+            said = said[1:] if said[:1] == ["bearslam"] else []
+            if tag.startswith("VERTEX"):
+                _vertex(graph, line, ends[0], numbers(texts, where), said, comment.strip())
+            else:
+                _edge(graph, line, tag, ends, texts, said)
         elif TAG.fullmatch(tag):
             graph.others.append((tag, text.strip()))
         else:
             raise InvalidInputError(f"{where}: expected a tag such as VERTEX_SE2, got {quote(tag)}")
-    if exact is not None:
-        raise InvalidInputError(f"{graph.where(exact[0])}: there is no edge that this belongs to")
     return graph.problem(NOTHING, "kept but not used", keep=True)
 
 
@@ -103,36 +98,43 @@ def _upper(texts: tuple[str, ...]) -> tuple[float, ...]:
     return covariance(texts) or ()
 
 
-def _add(
-    graph: Assembly,
-    line: int,
-    tag: str,
-    ends: tuple[str, ...],
-    values: Sequence[float],
-    texts: tuple[str, ...],
-    said: tuple[str, tuple[float, ...]] | None,
+def _vertex(graph: Assembly, line: int, key: str, values: Sequence[float], said: Sequence[str], comment: str) -> None:
+    if len(values) == 3:
+        graph.pose(line, key, tuple(values))
+    else:
+        graph.point(line, key, tuple(values))
+    if not said:
+        return
+    unknown = said[0] == "unknown"
+    rest = said[unknown:]
+    if unknown:
+        graph.unknown.add(key)
+    if rest[:1] == ["name"] and len(rest) > 1:
+        graph.names[key] = comment.split(maxsplit=2 + unknown)[2 + unknown]
+    elif rest:
+        raise InvalidInputError(
+            f"{graph.where(line)}: expected unknown or a name in the comment of bearslam, got {quote(' '.join(said))}"
+        )
+
+
+def _edge(
+    graph: Assembly, line: int, tag: str, ends: tuple[str, ...], texts: tuple[str, ...], said: Sequence[str]
 ) -> None:
     where = graph.where(line)
-    if tag in ("VERTEX_SE2", "VERTEX_XY", "EDGE_BEARING_SE2_XY"):
-        if said is not None:
-            raise InvalidInputError(f"{where}: expected the edge that the comment above belongs to, got {tag}")
-        if tag == "VERTEX_SE2":
-            graph.pose(line, ends[0], tuple(values))
-        elif tag == "VERTEX_XY":
-            graph.point(line, ends[0], tuple(values))
-        elif values[1] > 0:
-            graph.bearing(line, (ends[0], ends[1]), values[0], sigma(texts[1]))
-        else:
+    values = numbers(texts, where)
+    if tag == "EDGE_BEARING_SE2_XY":
+        if not values[1] > 0:
             raise InvalidInputError(f"{where}: expected information above 0, got {quote(texts[1])}")
+        graph.bearing(line, (ends[0], ends[1]), values[0], sigma(texts[1]))
         return
     size = 2 if tag in ("EDGE_SE2_XY", "EDGE_PRIOR_XY") else 3
     place = tuple(values[:size])
     prior = tag == "EDGE_PRIOR_SE2"
     turn = place[2] if prior else 0.0
-    if said is None:
-        spread = _turned(from_information(texts[size:], where, unknown=prior), turn, where)
+    if said:
+        spread = _said(said, turn, values[size:], where)
     else:
-        spread = _said(*said, turn, values[size:], where)
+        spread = _turned(from_information(texts[size:], where, unknown=prior), turn, where)
     if tag == "EDGE_SE2":
         graph.motion(line, (ends[0], ends[1]), place, spread)
     elif tag == "EDGE_SE2_XY":
@@ -141,44 +143,6 @@ def _add(
         graph.pose_prior(line, ends[0], place, spread)
     else:
         graph.point_prior(line, ends[0], place, spread)
-
-
-def _no_ascii(words: Sequence[str], where: str) -> list[float]:
-    wrong = next((word for word in words if not word.isascii()), words[0])
-    raise InvalidInputError(f"{where}: expected a finite number, got {quote(wrong)}")
-
-
-def _comment(
-    graph: Assembly,
-    line: int,
-    text: str,
-    words: Sequence[str],
-    exact: tuple[int, str, tuple[float, ...]] | None,
-) -> tuple[int, str, tuple[float, ...]] | None:
-    """Take in what a comment of bearslam says, and return what it says of the edge below."""
-    where = graph.where(line)
-    kind = words[0] if words else ""
-    if kind == "name":
-        if len(words) < 3:
-            raise InvalidInputError(f"{where}: expected the number and the name of a vertex, got {quote(text)}")
-        key = identifier(words[1], where)
-        if key in graph.names:
-            raise InvalidInputError(
-                f"{where}: vertex {key} is named a second time; the first is on line {graph.names[key][0]}"
-            )
-        graph.names[key] = line, text.split(maxsplit=4)[4]
-    elif kind == "unknown":
-        if len(words) != 2:
-            raise InvalidInputError(f"{where}: expected the number of a vertex, got {quote(text)}")
-        graph.unknown[identifier(words[1], where)] = line
-    elif kind in ("sigma", "covariance"):
-        if exact is not None:
-            raise InvalidInputError(f"{graph.where(exact[0])}: there is no edge that this belongs to")
-        known = [word for word in words[1:] if word != "inf" or kind != "sigma"]
-        if numbers(known, where) and len(words) - 1 in (3, 6):
-            return line, kind, tuple(map(float, words[1:]))
-        raise InvalidInputError(f"{where}: expected 3 or 6 numbers, got {len(words) - 1}")
-    return exact
 
 
 def _turned(spread: Spread, turn: float, where: str) -> Spread:
@@ -202,21 +166,29 @@ def _turned(spread: Spread, turn: float, where: str) -> Spread:
     return Spread(None, lambda: upper)
 
 
-def _said(kind: str, noise: tuple[float, ...], turn: float, stated: Sequence[float], where: str) -> Spread:
+def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str) -> Spread:
     """Noise from a comment, if it is that of the edge."""
+    kind, texts = said[0], said[1:]
     size = 3 if len(stated) == 6 else 2
-    wanted = size if kind == "sigma" else len(stated)
-    if len(noise) != wanted or not all(value > 0 for value in _diagonal(kind, noise)):
-        raise InvalidInputError(f"{where}: expected an edge that the comment above belongs to, got another")
+    wanted = {"sigma": size, "covariance": len(stated)}.get(kind)
+    if len(texts) != wanted:
+        raise InvalidInputError(
+            f"{where}: expected sigma and {size} numbers or covariance and {len(stated)} in the comment of bearslam, "
+            f"got {quote(' '.join(said))}"
+        )
+    numbers([text for text in texts if text != "inf" or kind != "sigma"], where)
+    noise = tuple(map(float, texts))
+    if not all(value > 0 for value in _diagonal(kind, noise)):
+        raise InvalidInputError(f"{where}: expected numbers above 0 in the comment of bearslam, got {min(noise):g}")
     try:
-        texts, _ = _stated(kind, noise, turn)
-    except ArithmeticError:
-        raise InvalidInputError(f"{where}: expected a positive definite covariance in the comment above") from None
-    matrix, other = _matrix(stated), _matrix(list(map(float, texts)))
+        again, _ = _stated(kind, noise, turn)
+    except ArithmeticError as error:
+        raise InvalidInputError(f"{where}: {error}") from None
+    matrix, other = _matrix(stated), _matrix(list(map(float, again)))
     scale = np.sqrt(np.diag(matrix).clip(0))
     scale[:2] = scale[:2].max()
     if not (np.abs(matrix - other) <= AGREEMENT * np.outer(scale, scale)).all():
-        raise InvalidInputError(f"{where}: expected the information that the comment above says, got other")
+        raise InvalidInputError(f"{where}: expected the information that the comment of bearslam says, got other")
     if kind == "sigma":
         return Spread(noise, lambda: tuple(_triangle(np.diag(np.square(noise)))))
     deviations = tuple(map(math.sqrt, _diagonal(kind, noise))) if is_diagonal(noise) else None
@@ -249,24 +221,25 @@ def render(what: Reconstruction | ProblemLike) -> str:
             "sigma (on the command line --sigma-deg)"
         )
     _check(problem, seen)
-    view_keys, landmark_keys, comments = _keys(problem)
-    lines = ["# views are VERTEX_SE2, landmarks VERTEX_XY", *comments]
-    lines += _vertices("VERTEX_SE2", view_keys, None if problem.start is None else problem.start.poses)
-    lines += _vertices("VERTEX_XY", landmark_keys, None if problem.start is None else problem.start.landmarks)
-    lines += [f"FIX {view_keys[i]}" for i in problem.fixed_views]
-    lines += [f"FIX {landmark_keys[j]}" for j in problem.fixed_landmarks]
-    lines += problem.others
-    if (pose_priors := problem.pose_priors) is not None:
-        for i, pose, noise in zip(pose_priors.view, pose_priors.pose.tolist(), _noises(pose_priors.sigma), strict=True):
-            lines += _edge(f"EDGE_PRIOR_SE2 {view_keys[i]}", pose, noise, pose[2])
-    if (points := problem.landmark_priors) is not None:
-        for j, place, noise in zip(points.landmark, points.position.tolist(), _noises(points.sigma), strict=True):
-            lines += _edge(f"EDGE_PRIOR_XY {landmark_keys[j]}", place, noise)
+    named, view_keys, landmark_keys = _keys(problem)
+    starts = (None, None) if problem.start is None else problem.start
+    # GTSAM reads no further than a comment or FIX that comes before a motion.
+    lines = list(_vertices("VERTEX_SE2", view_keys, starts[0], problem.view_ids if named else None))
+    lines += _vertices("VERTEX_XY", landmark_keys, starts[1], problem.landmark_ids if named else None)
     if (odometry := problem.odometry) is not None:
         motions = zip(odometry.start, odometry.end, odometry.delta.tolist(), _noises(odometry.sigma), strict=True)
         for start, end, delta, noise in motions:
-            lines += _edge(f"EDGE_SE2 {view_keys[start]} {view_keys[end]}", delta, noise)
+            lines.append(_line(f"EDGE_SE2 {view_keys[start]} {view_keys[end]}", delta, noise))
     lines += _sightings(seen, problem.offsets, view_keys, landmark_keys)
+    if (poses := problem.pose_priors) is not None:
+        for i, pose, noise in zip(poses.view, poses.pose.tolist(), _noises(poses.sigma), strict=True):
+            lines.append(_line(f"EDGE_PRIOR_SE2 {view_keys[i]}", pose, noise, pose[2]))
+    if (points := problem.landmark_priors) is not None:
+        for j, place, noise in zip(points.landmark, points.position.tolist(), _noises(points.sigma), strict=True):
+            lines.append(_line(f"EDGE_PRIOR_XY {landmark_keys[j]}", place, noise))
+    lines += [f"FIX {view_keys[i]}" for i in problem.fixed_views]
+    lines += [f"FIX {landmark_keys[j]}" for j in problem.fixed_landmarks]
+    lines += problem.others
     return "\n".join(lines) + "\n"
 
 
@@ -319,28 +292,26 @@ def _check(problem: Problem, seen: Sightings) -> None:
             )
 
 
-def _keys(problem: Problem) -> tuple[Sequence[str], Sequence[str], list[str]]:
-    """Identifiers of the views and landmarks: their names where these are such, otherwise numbers and comments."""
+def _keys(problem: Problem) -> tuple[bool, Sequence[str], Sequence[str]]:
+    """Whether vertices have to be named, and their identifiers: the names where these will do, or else numbers."""
     names = (*problem.view_ids, *problem.landmark_ids)
     if len(set(names)) == len(names) and all(map(_is_key, names)):
-        return problem.view_ids, problem.landmark_ids, []
+        return False, problem.view_ids, problem.landmark_ids
     keys = list(map(str, range(len(names))))
-    comments = [f"# bearslam name {key} {name}" for key, name in zip(keys, names, strict=True)]
-    return keys[: len(problem.view_ids)], keys[len(problem.view_ids) :], comments
+    return True, keys[: len(problem.view_ids)], keys[len(problem.view_ids) :]
 
 
 def _is_key(name: str) -> bool:
     return name.isascii() and name.isdecimal() and len(name) <= 10 and name == str(int(name)) and int(name) < LARGEST
 
 
-def _vertices(tag: str, keys: Sequence[str], places: FloatArray | None) -> Iterator[str]:
-    nowhere = " 0" * TAGS[tag][1]
+def _vertices(tag: str, keys: Sequence[str], places: FloatArray | None, names: Sequence[str] | None) -> Iterator[str]:
+    nowhere = " ".join("0" * TAGS[tag][1])
     for i, key in enumerate(keys):
-        if places is None or math.isnan(places[i, 0]):
-            yield f"# bearslam unknown {key}"
-            yield f"{tag} {key}{nowhere}"
-        else:
-            yield f"{tag} {key} {_join(places[i].tolist())}"
+        unknown = places is None or math.isnan(places[i, 0])
+        place = nowhere if places is None or unknown else _join(places[i].tolist())
+        comment = ["unknown"] * unknown + ([] if names is None else [f"name {names[i]}"])
+        yield f"{tag} {key} {place}" + (f"  # bearslam {' '.join(comment)}" if comment else "")
 
 
 def _sightings(
@@ -368,19 +339,19 @@ def _sightings(
     for k, (i, j, bearing, deviation) in enumerate(zip(*arrays, strict=True)):
         ends = f"{view_keys[i]} {landmark_keys[j]}"
         if k in ranged:
-            lines += _edge(f"EDGE_SE2_XY {ends}", *ranged[k])
+            lines.append(_line(f"EDGE_SE2_XY {ends}", *ranged[k]))
         else:
             lines.append(f"EDGE_BEARING_SE2_XY {ends} {bearing!r} {information(deviation)}")
     return lines
 
 
-def _edge(start: str, values: Sequence[float], noise: tuple[str, tuple[float, ...]], turn: float = 0.0) -> list[str]:
+def _line(start: str, values: Sequence[float], noise: tuple[str, tuple[float, ...]], turn: float = 0.0) -> str:
     try:
         texts, exact = _stated(*noise, turn)
     except ArithmeticError as error:
         raise InvalidInputError(f"{start}: {error}") from None
     line = f"{start} {_join(values)} {' '.join(texts)}"
-    return [line] if exact else [f"# bearslam {noise[0]} {_join(noise[1])}", line]
+    return line if exact else f"{line}  # bearslam {noise[0]} {_join(noise[1])}"
 
 
 def _noises(deviations: FloatArray) -> list[tuple[str, tuple[float, ...]]]:

@@ -129,9 +129,10 @@ def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tu
         if not value > 0:
             raise InvalidInputError(f"{where}: expected a {what} above 0, got {value:g}")
     cosine, sine = math.cos(bearing), math.sin(bearing)
-    u, v = along**2, (distance * across) ** 2
-    return (distance * cosine, distance * sine), (
-        u * cosine**2 + v * sine**2,
-        (u - v) * cosine * sine,
-        u * sine**2 + v * cosine**2,
-    )
+    u, v = along * along, (distance * across) * (distance * across)
+    upper = (u * cosine**2 + v * sine**2, (u - v) * cosine * sine, u * sine**2 + v * cosine**2)
+    if not all(map(math.isfinite, upper)):
+        raise InvalidInputError(
+            f"{where}: expected a range and standard deviations that doubles hold, got {distance:g}, {across:g}, {along:g}"
+        )
+    return (distance * cosine, distance * sine), upper

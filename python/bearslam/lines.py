@@ -13,7 +13,7 @@ from bearslam.errors import InvalidInputError
 __all__ = ["decode", "identifier", "numbered", "numbers"]
 
 LENGTH = 1000
-"""Characters of a number, beyond which it is none."""
+"""Characters of all numbers on a line, beyond which they are none."""
 LARGEST = 2**64
 """Beyond the identifiers that GTSAM and g2o hold."""
 
@@ -36,11 +36,12 @@ def numbers(words: Sequence[str], where: str) -> list[float]:
     """Finite numbers, as C writes them."""
     try:
         values = list(map(float, words))
-        if all(map(math.isfinite, values)) and not any("_" in word or len(word) > LENGTH for word in words):
+        joined = "".join(words)
+        if all(map(math.isfinite, values)) and joined.isascii() and "_" not in joined and len(joined) <= LENGTH:
             return values
     except ValueError:
         pass
-    wrong = next(word for word in words if not _is_number(word))
+    wrong = next((word for word in words if not _is_number(word)), max(words, key=len, default=""))
     raise InvalidInputError(f"{where}: expected a finite number, got {quote(wrong)}")
 
 
@@ -53,6 +54,6 @@ def identifier(word: str, where: str) -> str:
 
 def _is_number(word: str) -> bool:
     try:
-        return len(word) <= LENGTH and "_" not in word and word.isascii() and math.isfinite(float(word))
+        return "_" not in word and word.isascii() and math.isfinite(float(word))
     except ValueError:
         return False

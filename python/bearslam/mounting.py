@@ -55,9 +55,12 @@ def mounted(problem: Problem, sensor: ArrayLike) -> Problem:
             "without one a bearing cannot be moved to where the sensor is"
         )
     if offsets is not None:
+        position = (offsets.position - place) @ _rotation(turn)
+        if not position.any(axis=1).all():
+            raise InvalidInputError("sensor: a landmark is where the sensor is")
         offsets = Offsets(
             offsets.sighting,
-            (offsets.position - place) @ _rotation(turn),
+            position,
             _carried(offsets.sigma, np.broadcast_to(_rotation(turn).T, (len(offsets), 2, 2))),
         )
         bearing[offsets.sighting] = offsets.bearing

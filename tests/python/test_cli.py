@@ -222,7 +222,7 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 LOADED = """\
 import signal, sys
-import bearslam.cli_input
+import bearslam.cli, bearslam.cli_input
 
 # Where the tests run in the background the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
