@@ -133,6 +133,7 @@ def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tu
     upper = (u * cosine**2 + v * sine**2, (u - v) * cosine * sine, u * sine**2 + v * cosine**2)
     if not all(map(math.isfinite, upper)):
         raise InvalidInputError(
-            f"{where}: expected a range and standard deviations that doubles hold, got {distance:g}, {across:g}, {along:g}"
+            f"{where}: expected a range and standard deviations that doubles hold, got {distance:g}, {across:g} and "
+            f"{along:g}"
         )
     return (distance * cosine, distance * sine), upper
