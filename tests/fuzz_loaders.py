@@ -3,10 +3,10 @@
 
     python tests/fuzz_loaders.py --minutes 10 --seed 0
 
-Every outcome has to be a problem with as many sightings as the file has lines of them, which comes back bit for bit from
-the g2o file that it is written to, or an `InvalidInputError` that names the file and, unless it is about the file as a
-whole, the line; within two seconds, and without a warning. What is not is printed, with the content, and the exit code
-is 1.
+Every outcome has to be a problem with as many sightings as the file has lines of them, which comes back bit for bit
+from the g2o file that it is written to, or an `InvalidInputError` that names the file and, unless it is about the file
+as a whole, the line; within two seconds, and without a warning. What is not is printed, with the content, and the exit
+code is 1.
 """
 
 from __future__ import annotations

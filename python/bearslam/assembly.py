@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from bearslam.maps import Map
 from bearslam.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.problem import SIGMA_RANGE, Offsets, Problem, Sightings
 
-__all__ = ["Assembly", "Spread"]
+__all__ = ["Assembly", "Spread", "independent"]
 
 
 class Spread(NamedTuple):
@@ -24,6 +25,15 @@ class Spread(NamedTuple):
 
     sigma: tuple[float, ...] | None
     upper: Callable[[], tuple[float, ...]]
+
+
+def independent(sigma: tuple[float, ...], upper: Callable[[], tuple[float, ...]], where: str) -> Spread:
+    """Noise without correlations, if doubles hold the squares of its standard deviations; infinite ones may be."""
+    low, high = SIGMA_RANGE
+    for value in sigma:
+        if not (low <= value <= high or value == math.inf):
+            raise InvalidInputError(f"{where}: expected standard deviations from {low:g} to {high:g}, got {value:g}")
+    return Spread(sigma, upper)
 
 
 class _Edge(NamedTuple):
@@ -97,8 +107,14 @@ class Assembly:
     def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: Spread) -> None:
         """A sighting that is a position in the frame of the pose."""
         self._sighting(line, ends)
-        if not any(position):
+        low, high = SIGMA_RANGE
+        distance = math.hypot(*position)
+        if not distance:
             raise InvalidInputError(f"{self.where(line)}: expected a landmark apart from the pose, got one upon it")
+        if not low <= distance <= high:
+            raise InvalidInputError(
+                f"{self.where(line)}: expected a landmark at a distance from {low:g} to {high:g}, got {distance:g}"
+            )
         self._offsets[len(self._bearings)] = _Edge(line, ends, position, spread)
         self._bearings.append((np.nan, np.nan))
 
@@ -149,8 +165,9 @@ class Assembly:
         if self._offsets:
             edges = list(self._offsets.values())
             offsets = Offsets(list(self._offsets), [edge.values for edge in edges], self._stack(edges))
-            numbers[offsets.sighting] = np.stack([offsets.bearing, offsets.bearing_sigma], axis=1)
-            self._in_range(edges, offsets.bearing_sigma)
+            with np.errstate(over="ignore", invalid="ignore"):
+                numbers[offsets.sighting] = np.stack([offsets.bearing, offsets.bearing_sigma], axis=1)
+            self._in_range(edges, numbers[offsets.sighting, 1])
         sightings = Sightings(
             [views[key] for key, _ in self._seen], [landmarks[key] for _, key in self._seen], *numbers.T
         )
@@ -237,13 +254,6 @@ class Assembly:
 
     def _stack(self, edges: list[_Edge]) -> FloatArray:
         """Standard deviations (k, n) of edges without correlations, covariances (k, n, n) of others."""
-        low, high = SIGMA_RANGE
-        for edge in edges:
-            for value in edge.spread.sigma or ():
-                if not (low <= value <= high or value == np.inf):
-                    raise InvalidInputError(
-                        f"{self.where(edge.line)}: expected standard deviations from {low:g} to {high:g}, got {value:g}"
-                    )
         deviations = [edge.spread.sigma for edge in edges]
         if None not in deviations:
             return np.array(deviations)

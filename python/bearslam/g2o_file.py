@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from bearslam.assembly import Assembly, Spread
+from bearslam.assembly import Assembly, Spread, independent
 from bearslam.coerce import FloatArray, quote
 from bearslam.errors import InvalidInputError
 from bearslam.information import INDEX, covariance, information, informations, is_diagonal, sigma
@@ -44,6 +44,8 @@ LARGEST = 2**31
 """Beyond the identifiers of g2o."""
 AGREEMENT = 1e-9
 """How far the information of an edge may be from what a comment above it says, in parts of the information."""
+FOREIGN = ("VERTEX2", "VERTEX", "EDGE2", "EDGE", "ODOMETRY", "LANDMARK", "BR")
+"""Tags of the text graphs of TORO and GTSAM, which do not belong here."""
 NOTHING = "no EDGE_BEARING_SE2_XY or EDGE_SE2_XY"
 
 
@@ -72,6 +74,10 @@ def parse(data: bytes, name: str) -> Problem:
                 _vertex(graph, line, ends[0], numbers(texts, where), said, comment.strip())
             else:
                 _edge(graph, line, tag, ends, texts, said)
+        elif tag in FOREIGN:
+            raise InvalidInputError(
+                f"{where}: expected tags of g2o, got {tag} of a text graph; read these as format='graph'"
+            )
         elif TAG.fullmatch(tag):
             graph.others.append((tag, text.strip()))
         else:
@@ -87,7 +93,7 @@ def from_information(texts: tuple[str, ...], where: str, *, unknown: bool = Fals
             if not (float(text) > 0 or (unknown and float(text) == 0)):
                 raise InvalidInputError(f"{where}: expected information above 0, got {quote(text)}")
         deviations = tuple(math.inf if float(text) == 0 else sigma(text) for text in diagonal)
-        return Spread(deviations, partial(_upper, texts))
+        return independent(deviations, partial(_upper, texts), where)
     upper = covariance(texts)
     if upper is None:
         raise InvalidInputError(f"{where}: expected information that is positive definite, got {' '.join(texts)}")
@@ -190,9 +196,10 @@ def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str)
     if not (np.abs(matrix - other) <= AGREEMENT * np.outer(scale, scale)).all():
         raise InvalidInputError(f"{where}: expected the information that the comment of bearslam says, got other")
     if kind == "sigma":
-        return Spread(noise, lambda: tuple(_triangle(np.diag(np.square(noise)))))
-    deviations = tuple(map(math.sqrt, _diagonal(kind, noise))) if is_diagonal(noise) else None
-    return Spread(deviations, lambda: noise)
+        return independent(noise, lambda: tuple(_triangle(np.diag(np.square(noise)))), where)
+    if is_diagonal(noise):
+        return independent(tuple(map(math.sqrt, _diagonal(kind, noise))), lambda: noise, where)
+    return Spread(None, lambda: noise)
 
 
 def _stated(kind: str, noise: tuple[float, ...], turn: float) -> tuple[tuple[str, ...], bool]:
@@ -285,7 +292,7 @@ def _check(problem: Problem, seen: Sightings) -> None:
         raise InvalidInputError(f"sightings: view {view} sees landmark {landmark} more than once")
     for line in problem.others:
         tag = line.split(maxsplit=1)[0] if line.strip() else ""
-        known = tag in TAGS or tag == "FIX" or not TAG.fullmatch(tag)
+        known = tag in (*TAGS, "FIX", *FOREIGN) or not TAG.fullmatch(tag)
         if known or line != line.strip() or "\n" in line or "\r" in line:
             raise InvalidInputError(
                 f"others: expected lines with tags that bearslam does not use, as load keeps them, got {quote(line)}"

@@ -25,7 +25,8 @@ from __future__ import annotations
 import math
 from typing import Literal, TypeAlias, get_args
 
-from bearslam.assembly import Assembly, Spread
+from bearslam import g2o_file
+from bearslam.assembly import Assembly, Spread, independent
 from bearslam.coerce import choice, quote
 from bearslam.errors import InvalidInputError
 from bearslam.g2o_file import TAG, from_information
@@ -78,6 +79,10 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
             else:
                 place, upper = (values[:2], values[2:]) if tag == "LANDMARK" else _polar(values, where)
                 graph.offset(line, (ends[0], ends[1]), place, _from_covariance(upper, where))
+        elif tag in g2o_file.TAGS or tag == "FIX":
+            raise InvalidInputError(
+                f"{where}: expected tags of a text graph, got {tag} of g2o; read these as format='g2o'"
+            )
         elif TAG.fullmatch(tag):
             graph.others.append((tag, text.strip()))
         else:
@@ -119,7 +124,9 @@ def _from_covariance(upper: tuple[float, ...], where: str) -> Spread:
     diagonal = [upper[row[i]] for i, row in enumerate(INDEX[len(upper)])]
     if not all(value > 0 for value in diagonal):
         raise InvalidInputError(f"{where}: expected variances above 0, got {min(diagonal):g}")
-    return Spread(tuple(map(math.sqrt, diagonal)) if is_diagonal(upper) else None, lambda: upper)
+    if is_diagonal(upper):
+        return independent(tuple(map(math.sqrt, diagonal)), lambda: upper, where)
+    return Spread(None, lambda: upper)
 
 
 def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -66,7 +66,8 @@ def mounted(problem: Problem, sensor: ArrayLike) -> Problem:
         bearing[offsets.sighting] = offsets.bearing
         if sigma is not None:
             sigma = sigma.copy()
-            sigma[offsets.sighting] = offsets.bearing_sigma
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                sigma[offsets.sighting] = offsets.bearing_sigma
     start = problem.start
     return Problem(
         Sightings(seen.view, seen.landmark, bearing, sigma),

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from bearslam.coerce import quote
 from bearslam.errors import InvalidInputError
 from bearslam.lines import decode, numbered
-from bearslam.problem import Problem, ProblemLike, Sightings, tabulate
+from bearslam.problem import SIGMA_RANGE, Problem, ProblemLike, Sightings, tabulate
 
 __all__ = ["parse", "render", "row"]
 
@@ -169,4 +169,8 @@ def _sigma(column: str, cell: str, where: str) -> float:
     value = _number(column, cell, where)
     if value <= 0:
         raise InvalidInputError(f"{where}: expected a number above 0 as {column}, got {value:g}")
-    return math.radians(value) if column == "sigma_deg" else value
+    sigma = math.radians(value) if column == "sigma_deg" else value
+    low, high = SIGMA_RANGE
+    if not low <= sigma <= high:
+        raise InvalidInputError(f"{where}: expected radians from {low:g} to {high:g} as {column}, got {sigma:g}")
+    return sigma

@@ -73,6 +73,14 @@ BAD = [
     ("view,landmark,bearing\n,b,0.5\n", "bad.csv:2: expected the name of a view, got nothing"),
     ("view,landmark,bearing\na, ,0.5\n", "bad.csv:2: expected the name of a landmark, got nothing"),
     ("view,landmark,bearing,sigma\na,b,0.5,0\n", "bad.csv:2: expected a number above 0 as sigma, got 0"),
+    (
+        "view,landmark,bearing,sigma_deg\na,b,0.5,1e200\n",
+        "bad.csv:2: expected radians from 1e-100 to 1e+100 as sigma_d",
+    ),
+    (
+        "view,landmark,bearing,sigma\na,b,0.5,5e-324\n",
+        "bad.csv:2: expected radians from 1e-100 to 1e+100 as sigma, got",
+    ),
     ("view,landmark,bearing,sigma\na,b,0.5,inf\n", "bad.csv:2: expected a finite number as sigma, got 'inf'"),
     ("view,landmark,bearing\na,b,0.5\nc,b,0.5\na,b,0.6\n", "bad.csv:4: view 'a' sees landmark 'b' a second time; the"),
     ('view,landmark,bearing\n"a,b,0.5\nc,d,0.5\n', "bad.csv:2: unexpected end of data"),

@@ -196,6 +196,8 @@ BAD = [
     ("VERTEX_SE2 ٣ 0 0 0\n", "bad.g2o:1: expected the number of a vertex from 0, got '٣'"),
     (f"VERTEX_SE2 {'9' * 5000} 0 0 0\n", "bad.g2o:1: expected the number of a vertex from 0, got '999"),
     ("vertex_se2 0 0 0 0\n", "bad.g2o:1: expected a tag such as VERTEX_SE2, got 'vertex_se2'"),
+    (SEEN + "LANDMARK 0 2 3 4 1 0 1\n", "bad.g2o:2: expected tags of g2o, got LANDMARK of a text graph; read these as"),
+    ("EDGE_SE2_XY 0 1 1e-200 0 1 0 1\n", "bad.g2o:1: expected a landmark at a distance from 1e-100 to 1e+100, got 1e-"),
     ("0.5 400\n", "bad.g2o:1: expected a tag such as VERTEX_SE2, got '0.5'"),
     ("EDGE_BEARING_SE2_XY 0 1 0.5 0\n", "bad.g2o:1: expected information above 0, got '0'"),
     ("EDGE_BEARING_SE2_XY 0 1 0.5 -4\n", "bad.g2o:1: expected information above 0, got '-4'"),

@@ -107,6 +107,8 @@ BAD = [
     (SEEN.rstrip() + SEEN, "bad.graph:1: expected 6 numbers after BR, got 12"),
     (SEEN + "ODOMETRY 0 1 1 0 nan 1 0 4 9 0 0\n", "bad.graph:2: expected a finite number, got 'nan'"),
     (SEEN + "ODOMETRY 0 x 1 0 0 1 0 4 9 0 0\n", "bad.graph:2: expected the number of a vertex from 0, got 'x'"),
+    (SEEN + "EDGE_SE2_XY 0 2 3 4 1 0 1\n", "bad.graph:2: expected tags of a text graph, got EDGE_SE2_XY of g2o; read"),
+    ("BR 0 1 0.5 5e-324 0.02 0.3\n", "bad.graph:1: expected a landmark at a distance from 1e-100 to 1e+100, got 4.94"),
     (SEEN + "odometry 0 1\n", "bad.graph:2: expected a tag such as ODOMETRY, got 'odometry'"),
     (SEEN + "EDGE2 0 0 1 0 0 1 0 4 9 0 0\n", "bad.graph:2: expected an edge between two poses, got 0 twice"),
     (SEEN + "EDGE2 0 1 1 0 0 0 0 0 0 0 0\n", "bad.graph:2: the numbers 0 0 0 0 0 0 do not tell what they are; say it"),
