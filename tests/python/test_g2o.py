@@ -235,6 +235,10 @@ BAD = [
         "bad.g2o:2: expected information on both x and y or on neither, as",
     ),
     (
+        SEEN + "EDGE_PRIOR_SE2 0 0 0 1 9 0 0 5e-324 0 4\n",
+        "bad.g2o:2: expected standard deviations from 1e-100 to 1e+100,",
+    ),
+    (
         SEEN + "EDGE_PRIOR_SE2 0 0 0 1 9 0 0 4 0 0\n",
         "bad.g2o:2: expected the same information on x and y, as the pose is",
     ),
