@@ -267,6 +267,9 @@ class Assembly:
             upper = edge.spread.upper()
             rows.append([[upper[i] for i in row] for row in INDEX[len(upper)]])
         matrices = np.array(rows)
+        diagonal = np.eye(matrices.shape[1], dtype=bool)
+        if not matrices[:, ~diagonal].any():  # correlations too small for doubles
+            return np.sqrt(matrices[:, diagonal])
         least = np.linalg.eigvalsh(matrices)[:, 0]
         if not (least > 0).all():
             line = edges[int(np.argmin(least > 0))].line

@@ -254,6 +254,11 @@ def _problem(what: Reconstruction | ProblemLike) -> Problem:
     if isinstance(what, Problem):
         return what
     if isinstance(what, Reconstruction):
+        if not what.oriented:
+            raise InvalidInputError(
+                "path: expected bearings that are rays, as g2o takes them, got lines, known modulo half a turn; save "
+                "the map as .json or .csv"
+            )
         m, n = len(what.poses), len(what.landmarks)
         views, landmarks = what.view_ids, what.landmark_ids
         known = np.isfinite(what.poses).any() or np.isfinite(what.landmarks).any()

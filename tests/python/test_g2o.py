@@ -365,6 +365,12 @@ def test_plain_sightings_go_by_numbers(tmp_path):
     assert again.sightings.sigma.tolist() == [0.1, 0.1]
 
 
+def test_correlations_that_vanish_are_none():
+    problem = parse((SEEN + "EDGE_PRIOR_XY 1 5 6 4 5e-324 16\n").encode(), "tiny.g2o")
+    assert problem.landmark_priors.sigma.tolist() == [[0.5, 0.25]]
+    assert_same(parse(render(problem).encode(), "again.g2o"), problem)
+
+
 def test_large_and_odd_identifiers_are_names():
     text = "EDGE_BEARING_SE2_XY 8646911284551352321 007 0.5 400\n"
     problem = parse(text.encode(), "symbols.g2o")
@@ -401,6 +407,14 @@ def test_a_map_goes_on_from_where_it_is(solved, tmp_path):
         np.testing.assert_array_equal(getattr(problem, field).sigma, getattr(solved, field).sigma)
     again = bearslam.refine(problem)
     assert again.cost == pytest.approx(solved.cost, rel=1e-9)
+
+
+def test_lines_are_not_written_as_rays(tmp_path):
+    scene = bearslam.simulate("mixed", 6, 10, noise=0.002, seed=3)
+    result = bearslam.solve(scene.bearings % np.pi, sigma=0.002, oriented=False)
+    with pytest.raises(InvalidInputError, match="^path: expected bearings that are rays, as g2o takes them, got lines"):
+        result.save(tmp_path / "lines.g2o")
+    assert not list(tmp_path.iterdir())
 
 
 def test_gtsam_reads_what_it_knows(solved, tmp_path):
