@@ -269,7 +269,8 @@ class Assembly:
         matrices = np.array(rows)
         diagonal = np.eye(matrices.shape[1], dtype=bool)
         if not matrices[:, ~diagonal].any():  # correlations too small for doubles
-            return np.sqrt(matrices[:, diagonal])
+            spread: FloatArray = np.sqrt(matrices[:, diagonal])
+            return spread
         least = np.linalg.eigvalsh(matrices)[:, 0]
         if not (least > 0).all():
             line = edges[int(np.argmin(least > 0))].line
