@@ -39,7 +39,9 @@ examples:
 """
 
 SOLVE = f"""\
-Poses and landmarks from a file of bearings. {INPUT}"""
+Poses and landmarks from a file of bearings.
+
+{INPUT}"""
 
 CHOICES = {"loss": LOSSES, "method": METHODS}
 TUNING = {

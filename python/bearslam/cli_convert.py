@@ -14,7 +14,9 @@ from bearslam.files import PROBLEMS, save
 __all__ = ["add"]
 
 DESCRIPTION = f"""\
-A file of bearings in another format. {INPUT}\
+A file of bearings in another format.
+
+{INPUT}\
 OUT is .g2o for all that FILE says, or .csv for sightings alone.
 """
 EXAMPLES = """\
