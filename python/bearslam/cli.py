@@ -12,12 +12,12 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from bearslam import cli_diagnose, cli_sweep
+from bearslam import cli_convert, cli_diagnose, cli_sweep
 from bearslam._core import __version__
+from bearslam.cli_input import INPUT, add_input, read_input
 from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
-from bearslam.files import MAPS, load, save, save_truth
-from bearslam.problem import Problem
+from bearslam.files import MAPS, TRUTHS, save, save_truth
 from bearslam.progress import ProgressLine
 from bearslam.reconstruction import FRAMES
 from bearslam.report import describe, listing, percent
@@ -34,14 +34,14 @@ examples:
   bearslam solve scene.csv -o map.json --plot map.png
   bearslam simulate enclosed 4 9 | bearslam solve -
   bearslam diagnose scene.csv
+  bearslam convert graph.g2o scene.csv --bearings-only
   bearslam sweep mixed --trials 10 -o sweep.csv --plot failures.png
 """
 
-SOLVE = """\
-Poses and landmarks from a file of bearings: CSV with a header that names the columns view, landmark, bearing [radians]
-or bearing_deg and, if need be, sigma [radians] or sigma_deg, in any order. Views and landmarks go by any names. Lines
-that start with # are comments.
-"""
+SOLVE = f"""\
+Poses and landmarks from a file of bearings.
+
+{INPUT}"""
 
 CHOICES = {"loss": LOSSES, "method": METHODS}
 TUNING = {
@@ -105,6 +105,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_solve(verbs)
     _add_simulate(verbs)
     cli_diagnose.add(verbs)
+    cli_convert.add(verbs)
     cli_sweep.add(verbs)
     _add_demo(verbs)
     return parser
@@ -118,10 +119,11 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
         epilog="example:\n  bearslam solve bearings.csv -o map.json --plot map.png\n",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    verb.add_argument("file", metavar="FILE", help="CSV file of bearings; - is standard input")
-    verb.add_argument("-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv")
+    add_input(verb)
+    verb.add_argument(
+        "-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv, to go on with to .g2o"
+    )
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
-    verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
     verb.add_argument("--robust", action="store_true", help="expect wrong bearings: wrong landmarks, half turns, any")
     verb.add_argument("--unoriented", action="store_true", help="bearings are lines, known modulo half a turn")
     verb.add_argument(
@@ -187,21 +189,15 @@ def _solve(options: argparse.Namespace) -> None:
         writable(options.plot, FORMATS)
     if options.output is not None and same(options.output, options.file):
         raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
-    if options.file != "-":
-        problem = load(options.file)
-    elif sys.stdin is not None:
-        problem = load(sys.stdin.buffer)
-    else:
-        raise InvalidInputError("-: standard input is closed")
+    problem = read_input(options)
     needing = "--robust" if options.robust else None if options.loss == "squared" else f"--loss {options.loss}"
-    if needing and options.sigma_deg is None and problem.sightings.sigma is None:
+    if needing and problem.sightings.sigma is None:
         raise InvalidInputError(
             f"{needing}: needs the standard deviation of the bearings: --sigma-deg, or a column sigma"
         )
     with ProgressLine() as progress:
         result = solve(
             problem,
-            sigma=1.0 if options.sigma_deg is None else _sigma(problem, options.sigma_deg),
             loss_scale=options.loss_scale,
             oriented=not options.unoriented,
             robust=options.robust,
@@ -227,7 +223,7 @@ def _solve(options: argparse.Namespace) -> None:
 
 def _simulate(options: argparse.Namespace) -> None:
     writable(options.output, (".csv",))
-    writable(options.truth, MAPS)
+    writable(options.truth, TRUTHS)
     if options.output is not None and options.truth is not None and same(options.output, options.truth):
         raise InvalidInputError(f"{options.truth}: bearings and truth would replace each other")
     scene = simulate(
@@ -253,11 +249,3 @@ def _demo(options: argparse.Namespace) -> None:
 
     for paragraph in run(options.output):
         print(paragraph, end="\n\n", flush=True)
-
-
-def _sigma(problem: Problem, sigma_deg: float) -> float:
-    if problem.sightings.sigma is not None:
-        raise InvalidInputError("--sigma-deg: the file has standard deviations of its own; give only one")
-    if not 0 < sigma_deg < math.inf:
-        raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {sigma_deg:g}")
-    return math.radians(sigma_deg)

@@ -4,24 +4,21 @@
 from __future__ import annotations
 
 import argparse
-import math
-import sys
 from collections.abc import Sequence
 from typing import Any
 
+from bearslam.cli_input import INPUT, add_input, read_input
 from bearslam.diagnose import Diagnosis, diagnose
-from bearslam.errors import InvalidInputError
-from bearslam.files import load
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
 from bearslam.report import printable
 
 __all__ = ["add"]
 
-DESCRIPTION = """\
-What the bearings of a file determine, what they do not, and why. The file is as for `bearslam solve`. The exit code is
-0 whatever is found.
-"""
+DESCRIPTION = f"""\
+What the bearings of a file determine, what they do not, and why. The exit code is 0 whatever is found.
+
+{INPUT}"""
 
 
 def add(verbs: argparse._SubParsersAction[Any]) -> None:
@@ -33,27 +30,15 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         epilog="example:\n  bearslam diagnose bearings.csv --sigma-deg 0.5\n",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    verb.add_argument("file", metavar="FILE", help="CSV file of bearings; - is standard input")
-    verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
+    add_input(verb)
+    verb.add_argument("--unoriented", action="store_true", help="bearings are lines, known modulo half a turn")
     verb.set_defaults(run=_diagnose)
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    if options.file != "-":
-        problem = load(options.file)
-    elif sys.stdin is not None:
-        problem = load(sys.stdin.buffer)
-    else:
-        raise InvalidInputError("-: standard input is closed")
-    sigma = 1.0
-    if options.sigma_deg is not None:
-        if problem.sightings.sigma is not None:
-            raise InvalidInputError("--sigma-deg: the file has standard deviations of its own; give only one")
-        if not 0 < options.sigma_deg < math.inf:
-            raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {options.sigma_deg:g}")
-        sigma = math.radians(options.sigma_deg)
+    problem = read_input(options)
     with ProgressLine() as progress:
-        diagnosis = diagnose(problem, sigma=sigma, progress=progress)
+        diagnosis = diagnose(problem, oriented=not options.unoriented, progress=progress)
     print(diagnosis)
     for line in _names(problem, diagnosis):
         print(line)

@@ -1,48 +1,89 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Sightings and maps in files."""
+"""Problems and maps in files."""
 
 from __future__ import annotations
 
+import gzip
+import io
 import os
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal, TypeAlias, get_args
 
-from bearslam import map_file, sightings_file
+from numpy.typing import ArrayLike
+
+from bearslam import g2o_file, graph_file, map_file, sightings_file
 from bearslam.atomic import replacing
+from bearslam.coerce import choice
 from bearslam.errors import InvalidInputError
+from bearslam.graph_file import NoiseFormat
+from bearslam.mounting import mounted
 from bearslam.problem import Problem, ProblemLike
 from bearslam.reconstruction import Reconstruction
 from bearslam.simulate import Scene
 
-__all__ = ["MAPS", "kind", "load", "save", "save_truth"]
+__all__ = ["FORMATS", "MAPS", "PROBLEMS", "TRUTHS", "Format", "kind", "load", "save", "save_truth"]
 
-MAPS = (".json", ".csv")
+Format: TypeAlias = Literal["csv", "g2o", "graph"]
+"""What `load` reads."""
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+ENDINGS: dict[str, Format] = {".csv": "csv", ".g2o": "g2o", ".graph": "graph", ".toro": "graph"}
+"""Formats that the name of a file tells. Of others the content does."""
+PROBLEMS = (".csv", ".g2o")
+"""Endings of the files that problems are written to."""
+MAPS = (".json", ".csv", ".g2o")
 """Endings of the files that hold maps."""
+TRUTHS = (".json", ".csv")
+"""Endings of the files that hold the truth of a scene."""
+GZIP = b"\x1f\x8b"
+LIMIT = 2**31
+"""Bytes of a file that was compressed, beyond which it is not read."""
 
 
-def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
-    r"""Read sightings from a CSV file.
+def load(
+    path: str | os.PathLike[str] | BinaryIO,
+    *,
+    format: Format | None = None,  # noqa: A002
+    noise: NoiseFormat = "auto",
+    sensor: ArrayLike | None = None,
+) -> Problem:
+    r"""Read a problem from a file: CSV, g2o, or a text graph of TORO or GTSAM, each of them compressed by gzip or not.
 
-    The first line names the columns, in any order: ``view``, ``landmark``, ``bearing`` [rad] or ``bearing_deg``, and if
-    need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and are numbered in the order in
-    which they come first. Empty lines and lines that start with ``#`` are skipped.
+    A CSV file has sightings only. Its first line names the columns, in any order: ``view``, ``landmark``, ``bearing``
+    [rad] or ``bearing_deg``, and if need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and
+    are numbered in the order in which they come first. Empty lines and lines that start with ``#`` are skipped.
+
+    The graphs have poses, landmarks, motions and what is known beforehand as well, in any order of lines. Lines with
+    tags that are not used are counted in `Problem.remarks`, and those of g2o kept.
 
     Parameters
     ----------
     path : str, path or binary file
         What to read, in UTF-8.
+    format : {"csv", "g2o", "graph"}, optional
+        By default what the ending says (``.csv``, ``.g2o``, ``.graph`` or ``.toro``, with ``.gz`` behind it or not), or
+        else the content.
+    noise : {"auto", "toro", "graph", "cov", "g2o"}
+        What the numbers are that end the motions of a text graph, and in which order: information for "toro" (xx xy yy
+        tt xt yt) and "g2o" (xx xy xt yy yt tt), covariances for "graph" and "cov" in the same two orders. "auto" takes
+        covariances, as GTSAM does, and tells their order by the zeros.
+    sensor : (2,) or (3,) array_like of float, optional
+        Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, where the file has positions of
+        landmarks in the latter. The views are then poses of the sensor, and bearings those that it has seen [length,
+        rad].
 
     Returns
     -------
     Problem
-        The sightings and the names.
+        What the file says.
 
     Raises
     ------
     InvalidInputError
         If there are no sightings, or a line cannot be read or says again what an earlier one has said; with file and
-        line number.
+        line number. If `noise` has to be given, or bearings without a range cannot be moved to the sensor.
     OSError
         If the file cannot be opened.
 
@@ -54,29 +95,56 @@ def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
     >>> problem = load(io.BytesIO(text))
     >>> problem.landmark_ids, problem.sightings.bearing.round(4)
     (('door', 'window'), array([ 1.5708, -0.5236]))
+
+    >>> text = b"VERTEX_SE2 0 0 0 0\nEDGE_BEARING_SE2_XY 0 7 1.57 10000\nEDGE_BEARING_SE2_XY 0 8 -0.52 10000\n"
+    >>> problem = load(io.BytesIO(text), format="g2o")
+    >>> problem.landmark_ids, problem.sightings.sigma
+    (('7', '8'), array([0.01, 0.01]))
     """
+    if format is not None:
+        choice("format", format, FORMATS)
+    choice("noise", noise, graph_file.NOISES)
     if isinstance(path, str | os.PathLike):
         name, data = os.fspath(path), Path(path).read_bytes()
+        suffixes = [suffix.lower() for suffix in Path(path).suffixes]
+        compressed = suffixes[-1:] == [".gz"]
+        ending = "".join(suffixes[:-1][-1:] if compressed else suffixes[-1:])
     else:
-        name, data = str(getattr(path, "name", "<file>")), path.read()
-    return sightings_file.parse(data, name)
+        name, data, ending, compressed = str(getattr(path, "name", "<file>")), path.read(), "", False
+    if compressed or data.startswith(GZIP):
+        data = _decompressed(data, name)
+    found = format or ENDINGS.get(ending) or _guess(data)
+    if found is None and ending == ".txt":
+        raise InvalidInputError(
+            f"{name}: expected a header of CSV, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of "
+            f"{', '.join(FORMATS)}, say so by format"
+        )
+    if found == "g2o":
+        problem = g2o_file.parse(data, name)
+    elif found == "graph":
+        problem = graph_file.parse(data, name, noise)
+    else:
+        problem = sightings_file.parse(data, name)
+    return problem if sensor is None else mounted(problem, sensor)
 
 
 def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> None:
-    """Write sightings to a CSV file that `load` reads, or a reconstruction as `Reconstruction.save` does.
+    """Write a problem to a file that `load` reads, or a reconstruction as `Reconstruction.save` does.
 
     Parameters
     ----------
     what : Problem, Sightings, (m, n) array_like of float, or Reconstruction
-        What to write. Without names, views and landmarks go by their numbers.
+        What to write. Without names, views and landmarks go by their numbers, in a g2o file landmarks by those after
+        the views'.
     path : str or path
-        Ends in ``.csv``, or in ``.json`` for a reconstruction with all that belongs to it. An existing file is replaced
-        in one step, never left half written.
+        Ends in ``.g2o`` for all that a problem has, where sightings have standard deviations; or in ``.csv`` for
+        sightings alone. For a reconstruction ``.json`` has all that belongs to it, ``.csv`` the map, and ``.g2o`` the
+        map and what it was made from, to go on with. An existing file is replaced in one step, never left half written.
 
     Raises
     ------
     InvalidInputError
-        If the name ends in something else, or `what` is none of these.
+        If the name ends in something else, the format cannot hold all of `what`, or `what` is none of these.
     OSError
         If the file cannot be written.
 
@@ -91,10 +159,12 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     ...     load(path)
     <Problem: 36 of 9 landmarks from 4 views>
     """
-    if not isinstance(what, Reconstruction):
-        kind(path, (".csv",))
+    ending = kind(path, MAPS if isinstance(what, Reconstruction) else PROBLEMS)
+    if ending == ".g2o":
+        text = g2o_file.render(what)
+    elif not isinstance(what, Reconstruction):
         text = sightings_file.render(what)
-    elif kind(path, MAPS) == ".csv":
+    elif ending == ".csv":
         text = map_file.as_csv(what, what.view_ids, what.landmark_ids)
     else:
         text = map_file.as_json(what)
@@ -103,7 +173,7 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
 
 def save_truth(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write the poses and landmarks of a scene in the formats of a reconstruction, without what it adds to them."""
-    _write(path, map_file.as_csv(scene) if kind(path, MAPS) == ".csv" else map_file.truth_as_json(scene))
+    _write(path, map_file.as_csv(scene) if kind(path, TRUTHS) == ".csv" else map_file.truth_as_json(scene))
 
 
 def kind(path: str | os.PathLike[str], known: Sequence[str]) -> str:
@@ -115,5 +185,38 @@ def kind(path: str | os.PathLike[str], known: Sequence[str]) -> str:
 
 
 def _write(path: str | os.PathLike[str], text: str) -> None:
+    try:
+        data = text.encode()
+    except UnicodeEncodeError as error:
+        wrong = text[error.start]
+        raise InvalidInputError(f"path: expected names that UTF-8 has letters for, got {wrong!r} in one") from None
     with replacing(path) as file:
-        file.write(text.encode())
+        file.write(data)
+
+
+def _decompressed(data: bytes, name: str) -> bytes:
+    try:
+        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+            content = file.read(LIMIT + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InvalidInputError(f"{name}: expected a whole gzip file: {error}") from None
+    if len(content) > LIMIT:
+        raise InvalidInputError(f"{name}: expected at most {LIMIT} bytes when decompressed, got more")
+    return content
+
+
+def _guess(data: bytes) -> Format | None:
+    """The format of a file by its content: the header of CSV, or tags that only one of the graphs has."""
+    both = False
+    for line in data.splitlines():
+        words = line.removeprefix(b"\xef\xbb\xbf").split(maxsplit=1)
+        if not words or words[0].startswith(b"#"):
+            continue
+        tag = words[0].decode("ascii", "replace")
+        if b"," in line and not both:
+            return "csv"
+        ours, theirs = tag in g2o_file.TAGS or tag == "FIX", tag in graph_file.TAGS
+        if ours != theirs:
+            return "g2o" if ours else "graph"
+        both = both or ours
+    return "g2o" if both else None

@@ -184,14 +184,15 @@ class Reconstruction:
         return plot(self, ax, truth)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`.
+        """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`, and to `.g2o` these and
+        what they were made from, to go on with in other programs.
 
         An existing file is replaced in one step, never left half written.
 
         Raises
         ------
         InvalidInputError
-            If the name ends in neither.
+            If the name ends in none of these.
         OSError
             If it cannot be written.
         """

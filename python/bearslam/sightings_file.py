@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Iterator
 
 from bearslam.coerce import quote
 from bearslam.errors import InvalidInputError
-from bearslam.problem import Problem, ProblemLike, Sightings, tabulate
+from bearslam.lines import decode, numbered
+from bearslam.problem import SIGMA_RANGE, Problem, ProblemLike, Sightings, tabulate
 
 __all__ = ["parse", "render", "row"]
 
@@ -21,12 +21,7 @@ TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
 
 def parse(data: bytes, name: str) -> Problem:
     """Sightings from the content of a file of that name."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InvalidInputError(f"{name}:{line}: expected text in UTF-8, got byte {data[error.start]:#04x}") from None
-    rows = _rows(text, name)
+    rows = _rows(decode(data, name), name)
     try:
         number, header = next(rows)
     except StopIteration:
@@ -73,15 +68,41 @@ def render(problem: ProblemLike) -> str:
     view_ids, landmark_ids = table.view_ids, table.landmark_ids
     views = [str(i) for i in range(table.views)] if view_ids is None else view_ids
     landmarks = [str(j) for j in range(table.landmarks)] if landmark_ids is None else landmark_ids
-    given = problem.sightings if isinstance(problem, Problem) else problem
+    given = problem
+    if isinstance(problem, Problem):
+        _check(problem)
+        given = problem.sightings
     weighted = isinstance(given, Sightings) and given.sigma is not None
     lines = [row("view", "landmark", "bearing", *(["sigma"] if weighted else []))]
     for i, j, bearing, sigma in zip(
         seen.view.tolist(), seen.landmark.tolist(), seen.bearing.tolist(), table.sigma.tolist(), strict=True
     ):
-        turned = math.remainder(bearing, math.tau)
+        turned = bearing if abs(bearing) <= TURN["bearing"] else math.remainder(bearing, math.tau)
         lines.append(row(views[i], landmarks[j], repr(turned), *([repr(sigma)] if weighted else [])))
     return "".join(lines)
+
+
+def _check(problem: Problem) -> None:
+    """Refuse what would be lost."""
+    lost = [
+        name.replace("_", " ")
+        for name in (
+            "odometry",
+            "pose_priors",
+            "landmark_priors",
+            "start",
+            "fixed_views",
+            "fixed_landmarks",
+            "offsets",
+            "others",
+        )
+        if getattr(problem, name)
+    ]
+    if lost:
+        raise InvalidInputError(
+            f"problem: expected sightings alone for a CSV file, got {', '.join(lost)} as well; a .g2o file holds "
+            "these, and Problem.bearings_only() (on the command line --bearings-only) leaves them out"
+        )
 
 
 def row(*cells: str) -> str:
@@ -91,7 +112,7 @@ def row(*cells: str) -> str:
 
 
 def _rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
+    for number, line in numbered(text):
         content = line.strip()
         if not content or content.startswith("#"):
             continue
@@ -148,4 +169,8 @@ def _sigma(column: str, cell: str, where: str) -> float:
     value = _number(column, cell, where)
     if value <= 0:
         raise InvalidInputError(f"{where}: expected a number above 0 as {column}, got {value:g}")
-    return math.radians(value) if column == "sigma_deg" else value
+    sigma = math.radians(value) if column == "sigma_deg" else value
+    low, high = SIGMA_RANGE
+    if not low <= sigma <= high:
+        raise InvalidInputError(f"{where}: expected radians from {low:g} to {high:g} as {column}, got {sigma:g}")
+    return sigma

@@ -222,17 +222,17 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 LOADED = """\
 import signal, sys
-import bearslam.cli
+import bearslam.cli, bearslam.cli_input
 
 # Where the tests run in the background the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-def load(path, load=bearslam.cli.load):
-    problem = load(path)
+def load(path, load=bearslam.cli_input.load, **options):
+    problem = load(path, **options)
     print("loaded", flush=True)
     return problem
 
-bearslam.cli.load = load
+bearslam.cli_input.load = load
 sys.exit(bearslam.cli.main(sys.argv[1:]))
 """
 
@@ -266,7 +266,7 @@ def test_a_bad_line_on_standard_input_has_its_number():
     [
         (["solve", "none.csv"], "none.csv: No such file or directory"),
         (["solve", "."], ".: Is a directory"),
-        (["solve", "scene.csv", "-o", "map.txt"], "path: expected a name that ends in .json or .csv, got 'map.txt'"),
+        (["solve", "scene.csv", "-o", "map.txt"], "path: expected a name that ends in .json or .csv or .g2o, got 'map"),
         (["solve", "scene.csv", "-o", "none/map.csv"], "none/map.csv: there is no folder 'none'"),
         (["solve", "scene.csv", "--plot", "map.gif"], "path: expected a name that ends in .png or .svg or .pdf, got"),
         (["solve", "scene.csv", "--sigma-deg", "0"], "--sigma-deg: expected a number above 0, got 0"),
@@ -280,7 +280,6 @@ def test_a_bad_line_on_standard_input_has_its_number():
         (["simulate", "mixed", "1000000", "1000000"], "views: expected at most"),
         (["demo", "-o", "scene.csv"], "scene.csv: File exists"),
         (["solve", "strange.csv"], "strange.csv:1: expected a header of view,"),
-        (["solve", "weighted.csv", "--sigma-deg", "1"], "--sigma-deg: the file has standard deviations of its own"),
         (["simulate", "mixed", "0", "9"], "views: expected an integer from 1"),
         (["simulate", "mixed", "4", "9", "--noise-deg", "-1"], "noise: expected a number of at least 0"),
         (["simulate", "mixed", "4", "9", "-o", "scene.json"], "path: expected a name that ends in .csv"),
@@ -289,7 +288,6 @@ def test_a_bad_line_on_standard_input_has_its_number():
 def test_what_goes_wrong_is_one_line(arguments, message, scene, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "few.csv").write_text("view,landmark,bearing\na,b,0.5\n")
-    (tmp_path / "weighted.csv").write_text("view,landmark,bearing,sigma\na,b,0.5,0.1\n")
     (tmp_path / "alias.csv").symlink_to("scene.csv")
     (tmp_path / "strange.csv").write_bytes(bytes(10**6))
     before = sorted(path.name for path in tmp_path.iterdir())
@@ -388,7 +386,7 @@ def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bearslam.cli.load", interrupted)
+    monkeypatch.setattr("bearslam.cli_input.load", interrupted)
     assert main(["solve", str(scene)]) == 130
     assert capsys.readouterr().err == "bearslam: interrupted\n"
 

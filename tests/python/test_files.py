@@ -73,6 +73,14 @@ BAD = [
     ("view,landmark,bearing\n,b,0.5\n", "bad.csv:2: expected the name of a view, got nothing"),
     ("view,landmark,bearing\na, ,0.5\n", "bad.csv:2: expected the name of a landmark, got nothing"),
     ("view,landmark,bearing,sigma\na,b,0.5,0\n", "bad.csv:2: expected a number above 0 as sigma, got 0"),
+    (
+        "view,landmark,bearing,sigma_deg\na,b,0.5,1e200\n",
+        "bad.csv:2: expected radians from 1e-100 to 1e+100 as sigma_d",
+    ),
+    (
+        "view,landmark,bearing,sigma\na,b,0.5,5e-324\n",
+        "bad.csv:2: expected radians from 1e-100 to 1e+100 as sigma, got",
+    ),
     ("view,landmark,bearing,sigma\na,b,0.5,inf\n", "bad.csv:2: expected a finite number as sigma, got 'inf'"),
     ("view,landmark,bearing\na,b,0.5\nc,b,0.5\na,b,0.6\n", "bad.csv:4: view 'a' sees landmark 'b' a second time; the"),
     ('view,landmark,bearing\n"a,b,0.5\nc,d,0.5\n', "bad.csv:2: unexpected end of data"),
@@ -234,13 +242,13 @@ def test_residuals_of_a_table_are_saved_sighting_by_sighting(tmp_path):
 
 @pytest.mark.parametrize("name", ["map.txt", "map", "map.json.gz"])
 def test_other_endings_are_refused(result, tmp_path, name):
-    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .json or .csv, got"):
+    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .json or .csv or .g2o, got"):
         result.save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
-def test_sightings_are_csv_only(tmp_path):
-    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .csv, got"):
+def test_sightings_are_csv_or_g2o(tmp_path):
+    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .csv or .g2o, got"):
         bearslam.save([[0.1]], tmp_path / "table.json")
     with pytest.raises(InvalidInputError, match="^bearings: "):
         bearslam.save("sightings", tmp_path / "table.csv")
