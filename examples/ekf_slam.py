@@ -1,30 +1,32 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Bearing-only SLAM by an extended Kalman filter, started from bearslam's map or blind.
 
-python ekf_slam.py                                   # 100 runs under each start: a table, and ekf.svg
+python ekf_slam.py                                    # 100 runs under each start: a table, and ekf.svg
 python ekf_slam.py --odometry 0.1 3 --output ekf.png  # worse odometry
 
 Dellaert and Stroupe (ICRA 2002) meant their linear method for this: to initialise such a filter. A robot drives one
-and a half times around a loop, sees landmarks in reach as bearings, and measures its own motion. Nothing else is known;
-the first pose is the origin, and the odometry knows the scale. State: pose and landmarks, with their whole covariance.
+and a half times around a loop, sees the landmarks in reach as bearings, and measures its own motion. Nothing else is
+known; the first pose is the origin, and the odometry knows the scale. The state is the pose and the landmarks, with
+their whole covariance.
 
 Starts
-    bearslam         The first views are solved at once, and the last pose and the landmarks become the state. bearslam
-                     gives the covariance of each pose and landmark, but not those between them, which the filter needs;
-                     `joint_covariance` computes both, to first order, at bearslam's map. The blocks are the same.
-    bearslam blocks  The same with the blocks alone, as if errors of pose and landmarks had nothing to do with each
-                     other. That is not so: they share the errors of the odometry.
-    blind            At the first view nothing is known but that view itself.
+    bearslam         The first views are solved at once; the last pose and the landmarks become the state. bearslam
+                     gives the covariance of each pose and landmark, but not those between them, which the filter needs:
+                     `joint_covariance` computes both, to first order, at bearslam's map. Its blocks are bearslam's.
+    bearslam blocks  The same with the blocks alone, as if the errors of pose and landmarks were independent. They are
+                     not, for they share those of the odometry: the filter forgets that, and trusts itself too much.
+    blind            At the first view nothing is known but the pose.
 
 Landmarks that the start does not know enter in one of two ways, the same for all starts
     guess            At the first sighting, along the bearing, at a range guessed from the reach of the sensor.
     parallax         Where two rays cross, once they do so at a wide enough angle. Until then the pose of the first
                      sighting waits in the state; sightings in between are not used.
 
-The table has errors of position at the view where bearslam's map enters, and at the last, both in the frame of the
-first pose. Of the error e and its covariance C, the filter says that e^T C^-1 e (NEES) is chi-square with two degrees of
-freedom: the median should be 1.39. A run is "beyond 3 sigma" if it ends with more than 11.8, which 0.3 % should, and
-"lost" if it ends with an error above 5 % of the diagonal of the arena, has no start, or breaks down in its arithmetic.
+The table has the error of position at the view where bearslam's map enters, and at the end, both in the frame of the
+first pose. If the filter is right about its covariance C, then e^T C^-1 e (NEES) of the error e is chi-square with two
+degrees of freedom, and its median 1.39. A run is "beyond 3 sigma" if it ends above 11.8, as 0.3 % should, and "lost" if
+it ends more than 5 % of the diagonal of the arena away from the truth, has no start, or breaks down in its arithmetic.
+An extended filter linearises once, where it believes to be: it trusts itself too much in time, however it starts.
 """
 
 from __future__ import annotations
@@ -33,12 +35,18 @@ import argparse
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 import bearslam
 from bearslam.align import wrap
+from bearslam.ellipses import COVERED, LOOK, draw_ellipses
+from bearslam.plot import ESTIMATE, FORMATS, PAPER, TRUTH, Look, finish, save_figure
 
 Array = NDArray[np.float64]
 STARTS = ("bearslam", "bearslam blocks", "blind")
@@ -53,8 +61,8 @@ LOST = 0.05 * float(np.hypot(*ARENA))
 NEES = -2.0 * float(np.log(0.0027))
 """Three standard deviations of one number hold as much as this bound on two."""
 PARALLAX = 30.0
-"""Between two rays that determine a landmark, in standard deviations of a bearing: its range is then known to 5 %. Blind
-starts did best with this of 5, 7, 10, 15, 20 and 30."""
+"""Between two rays that determine a landmark, in standard deviations of a bearing: ranges are then known to 5 %. Of 5,
+7, 10, 15, 20 and 30, this was the best for blind starts."""
 PRECISE = 0.1
 """Standard deviation of a landmark that bearslam's map brings into the filter, over its distance. Those known less well
 enter later: far errors are not Gaussian, and the filter would take them to be."""
@@ -102,8 +110,8 @@ def cross(poses: Array, bearings: Array) -> tuple[Array, Array, Array, Array]:
 class Filter:
     """Extended Kalman filter of a pose and landmarks.
 
-    The state has a fixed size: the pose, two numbers a landmark, three for the pose from which a landmark was first seen
-    that waits for parallax. What is not in use is zero, and so are its rows and columns of the covariance.
+    The state has a fixed size: the pose, two numbers a landmark, and three for each that waits for parallax: the pose of
+    its first sighting. What is not in use is zero, and so are its rows and columns of the covariance.
     """
 
     def __init__(self, landmarks: int, sigma: float, reach: float, guess: tuple[float, float] | None) -> None:
@@ -284,9 +292,9 @@ class Track:
     nees: Array
     landmark_error: float = np.inf
     path: list[Array] = field(default_factory=list)
-    points: Array | None = None
+    landmarks: Array | None = None
     covariances: Array | None = None
-    """Of path, points and covariances, those at the view where bearslam's map enters."""
+    """Of path, landmarks and covariances, those at the view where bearslam's map enters."""
 
 
 def follow(run: Run, start: str, guess: tuple[float, float] | None, first: int) -> Track:
@@ -316,7 +324,7 @@ def follow(run: Run, start: str, guess: tuple[float, float] | None, first: int) 
                     track.path.append(ekf.mean[:3].copy())
                 if k == first - 1:
                     at = ekf.at[ekf.known]
-                    track.points = ekf.mean[at]
+                    track.landmarks = ekf.mean[at]
                     track.covariances = ekf.covariance[at[:, :, None], at[:, None, :]]
     except (bearslam.DegenerateError, FloatingPointError, np.linalg.LinAlgError):
         return track
@@ -332,74 +340,93 @@ def quantile(values: Array, share: float) -> Array:
 
 def table(tracks: dict[tuple[str, str], list[Track]], first: int) -> str:
     """Figures of all runs, one line for each start and entry."""
-    head = f"{'':<27}{f'error at view {first} [m]':>21}{'error at the end [m]':>22}{'landmarks':>11}{'NEES':>8}{'beyond':>9}"
-    lines = [head, f"{'start':<17}{'entry':<10}" + 2 * f"{'median':>11}{'90 %':>10}" + f"{'rms [m]':>12}"]
-    lines[0] += f"{'':>8}"
-    lines[1] += f"{'median':>8}{'3 sigma':>9}{'lost':>8}"
+    view = f"view {first}"
+    lines = [
+        f"{'':<26}error of position [m]               landmarks      median NEES     beyond",
+        f"{'':<26}{f'at {view}':<18}at the end        at the end       at   at the   3 sigma  lost",
+        f"{'start':<17}{'entry':<9}median    90 %  median    90 %      rms [m]  {view:>7}      end       [%]   [%]",
+    ]
     for (start, entry), some in tracks.items():
-        errors = np.array([track.error for track in some])
-        nees = np.array([track.nees[-1] for track in some])
-        middle, high = quantile(errors, 0.5), quantile(errors, 0.9)
+        error = np.array([track.error for track in some])[:, [first - 1, -1]]
+        nees = np.array([track.nees for track in some])[:, [first - 1, -1]]
+        (early, late), (bad_early, bad_late) = quantile(error, 0.5), quantile(error, 0.9)
+        early_nees, late_nees = quantile(nees, 0.5)
         landmarks = quantile(np.array([track.landmark_error for track in some]), 0.5)
+        beyond, lost = 100 * (nees[:, 1] > NEES).mean(), 100 * (error[:, 1] > LOST).mean()
         lines.append(
-            f"{start:<17}{entry:<10}{middle[first - 1]:>11.3f}{high[first - 1]:>10.3f}{middle[-1]:>11.3f}{high[-1]:>10.3f}"
-            f"{landmarks:>12.3f}{quantile(nees, 0.5):>8.2f}{(nees > NEES).mean():>9.0%}{(errors[:, -1] > LOST).mean():>8.0%}"
+            f"{start:<17}{entry:<9}{early:>6.3f} {bad_early:>7.3f}  {late:>6.3f} {bad_late:>7.3f}   {landmarks:>10.3f}"
+            f"  {early_nees:>7.2f}  {late_nees:>7.2f}   {beyond:>7.0f}  {lost:>4.0f}"
         )
     return "\n".join(lines)
 
 
+def draw_errors(ax: Axes, tracks: dict[str, list[Track]], first: int) -> None:
+    """Median and band of the errors of each start, view by view."""
+    for start, look, line in (("bearslam", ESTIMATE, "-"), ("blind", PAPER, "--")):
+        errors = np.array([track.error for track in tracks[start]])
+        views = np.arange(first if start == "bearslam" else 2, errors.shape[1] + 1)
+        low, middle, high = (quantile(errors[:, views - 1], share) for share in (0.1, 0.5, 0.9))
+        ax.fill_between(views, low, high, color=look.color, alpha=0.2, linewidth=0.0)
+        ax.plot(views, middle, line, color=look.color, label=f"{start}, median and 10 to 90 %")
+    ax.axvline(first, color=TRUTH.color, linewidth=0.8, linestyle=":", label="bearslam's map enters")
+    ax.set(yscale="log", xlabel="view")
+    ax.grid(color="#e6e6e6", linewidth=0.6)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.label_outer()
+
+
+def draw_start(ax: Axes, run: Run, track: Track, look: Look, first: int) -> None:
+    """Path and landmarks of the first views, and what the filter knows of them."""
+    seen = run.landmarks[np.isfinite(run.bearings[:first]).any(axis=0)]
+    ax.plot(*run.poses[:first, :2].T, color=TRUTH.color, linewidth=1.2)
+    ax.plot(*seen.T, TRUTH.marker, color=TRUTH.color, markerfacecolor="none", markersize=7)
+    if track.landmarks is not None and track.covariances is not None:
+        ax.plot(*np.array(track.path)[:, :2].T, "--", color=look.color, linewidth=1.5)
+        ax.plot(*track.landmarks.T, look.marker, color=look.color, markersize=4)
+        draw_ellipses(ax, track.landmarks, track.covariances, np.eye(2), 1.0, None, 3.5)
+    finish(ax, "m")
+    framed = np.concatenate([run.poses[:first, :2], seen])
+    (left, bottom), (right, top) = framed.min(axis=0) - 1.5, framed.max(axis=0) + 1.5
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    ax.label_outer()
+
+
 def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path: Path) -> None:
-    """Errors along all runs, and what the filter knows of the first run when bearslam's map enters."""
-    from bearslam.ellipses import draw_ellipses
-    from bearslam.plot import ESTIMATE, PAPER, TRUTH, finish, save_figure
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
+    """Errors along all runs, and what the filter knows of the first run where bearslam's map enters."""
+    figure = Figure(figsize=(8.0, 7.2), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.2))
+    left, right = above.subplots(1, 2, sharey=True)
+    for ax, entry in ((left, "guess"), (right, "parallax")):
+        draw_errors(ax, {start: tracks[start, entry] for start in STARTS}, first)
+    left.set_ylabel("error of position [m]")
+    left.set_title("new landmarks at a guessed range", fontsize=10)
+    right.set_title("new landmarks after enough parallax", fontsize=10)
+    entries = left.get_legend_handles_labels()
+    above.legend(*entries, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
 
-    figure = Figure(figsize=(8.0, 6.8), layout="constrained")
-    above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.15))
-    looks = {"bearslam": ESTIMATE, "blind": PAPER}
-    views = np.arange(len(run.poses)) + 1
-    titles = {"guess": "landmarks enter at a guessed range", "parallax": "landmarks enter once there is parallax"}
-    for ax, entry in zip(above.subplots(1, 2, sharey=True), ENTRIES, strict=True):
-        for start, look in looks.items():
-            errors = np.array([track.error for track in tracks[start, entry]])
-            shown = slice(1 if start == "blind" else first - 1, None)
-            low, middle, high = (quantile(errors[:, shown], share) for share in (0.1, 0.5, 0.9))
-            ax.fill_between(views[shown], low, high, color=look.color, alpha=0.2, linewidth=0.0)
-            line = "--" if start == "blind" else "-"
-            ax.plot(views[shown], middle, line, color=look.color, label=f"{start}, median and 10 to 90 %")
-        ax.set_yscale("log")
-        ax.set_title(titles[entry], fontsize=10)
-        ax.set_xlabel("view")
-        ax.grid(color="#e6e6e6", linewidth=0.6)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.axvline(first, color=TRUTH.color, linewidth=0.8, linestyle=":", label="bearslam's map enters")
-        ax.label_outer()
-    above.axes[0].set_ylabel("error of position [m]")
-    handles, labels = above.axes[0].get_legend_handles_labels()
-    above.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
-
-    seen = np.isfinite(run.bearings[:first]).any(axis=0)
-    framed = np.concatenate([run.poses[:first, :2], run.landmarks[seen]])
-    panels = [
-        ("bearslam", "parallax", "bearslam"),
-        ("blind", "guess", "blind, guess"),
-        ("blind", "parallax", "blind, parallax"),
+    panels = (("bearslam", "parallax", ESTIMATE), ("blind", "guess", PAPER), ("blind", "parallax", PAPER))
+    for ax, (start, entry, look) in zip(below.subplots(1, 3, sharex=True, sharey=True), panels, strict=True):
+        draw_start(ax, run, tracks[start, entry][0], look, first)
+        ax.set_title(f"{start}{'' if start == 'bearslam' else f', {entry}'}: view {first}", fontsize=10)
+    line: dict[str, Any] = {"linewidth": 1.3, "markersize": 6}
+    symbols = [
+        Line2D([], [], color=TRUTH.color, marker=TRUTH.marker, markerfacecolor="none", label="truth", **line),
+        *(
+            Line2D([], [], color=look.color, marker=look.marker, linestyle="--", label=start, **line)
+            for start, look in (("bearslam", ESTIMATE), ("blind", PAPER))
+        ),
+        Line2D(
+            [],
+            [],
+            linestyle="none",
+            marker="o",
+            markersize=9,
+            markerfacecolor="none",
+            label=f"{100 * COVERED:.0f} % ellipse",
+            color=LOOK["edgecolors"],
+        ),
     ]
-    for ax, (start, entry, title) in zip(below.subplots(1, 3, sharex=True, sharey=True), panels, strict=True):
-        look, track = looks[start], tracks[start, entry][0]
-        ax.plot(*run.poses[:first, :2].T, color=TRUTH.color, linewidth=1.2)
-        ax.plot(*run.landmarks[seen].T, TRUTH.marker, color=TRUTH.color, markerfacecolor="none", markersize=7)
-        if track.points is not None:
-            ax.plot(*np.array(track.path)[:, :2].T, "--", color=look.color, linewidth=1.5)
-            ax.plot(*track.points.T, look.marker, color=look.color, markersize=4)
-            ellipse = draw_ellipses(ax, track.points, track.covariances, np.eye(2), 1.0, None, 3.5)
-        finish(ax, "m")
-        ax.set(
-            xlim=(framed[:, 0].min() - 1, framed[:, 0].max() + 1), ylim=(framed[:, 1].min() - 1, framed[:, 1].max() + 1)
-        )
-        ax.set_title(f"{title}, view {first}", fontsize=10)
-        ax.label_outer()
+    below.legend(handles=symbols, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     save_figure(figure, path)
 
 
@@ -433,6 +460,10 @@ def arguments() -> argparse.Namespace:
     options = parser.parse_args()
     if options.runs < 1 or options.seed < 0:
         parser.error("expected --runs of 1 or more and --seed of 0 or more")
+    if not all(number > 0 for number in (options.reach, options.noise_deg, *options.odometry, *options.guess)):
+        parser.error("expected --reach, --noise-deg, --odometry and --guess above 0")
+    if options.output.suffix not in FORMATS:
+        parser.error(f"--output: expected a name that ends in {', '.join(FORMATS)}, got {options.output}")
     if not 3 <= options.first < options.views:
         parser.error("expected 3 <= --first < --views")
     return options
