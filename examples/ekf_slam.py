@@ -61,8 +61,8 @@ LOST = 0.05 * float(np.hypot(*ARENA))
 NEES = -2.0 * float(np.log(0.0027))
 """Three standard deviations of one number hold as much as this bound on two."""
 PARALLAX = 50.0
-"""Between two rays that determine a landmark, in standard deviations of a bearing, at most 60 degrees. Blind starts were
-tried with 5 to 60: from 40 on they no longer get better."""
+"""Between two rays that determine a landmark, in standard deviations of a bearing, at most 60 degrees. Blind starts
+were tried with 5 to 60: from 40 on they no longer get better."""
 PRECISE = 0.1
 """Standard deviation of a landmark that bearslam's map brings into the filter, over its distance. Those known less well
 enter later: far errors are not Gaussian, and the filter would take them to be."""
