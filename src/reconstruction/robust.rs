@@ -10,6 +10,7 @@
 
 mod exchange;
 mod expand;
+mod follow;
 mod objective;
 mod place;
 mod relocate;
@@ -29,7 +30,7 @@ use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
-use expand::expand;
+use expand::{AGREEING_OF_VIEW, expand};
 use objective::OUTLIER;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -103,6 +104,28 @@ pub(super) fn solve_robust<T: Real>(
         .map(|rival| reconstruction(problem, rival))
         .collect();
     Ok(found)
+}
+
+/// Maps along the odometry of a problem, the largest first; none where it has no odometry.
+///
+/// # Errors
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+pub(super) fn along_odometry<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map<T>>, Error> {
+    check_sigmas(problem)?;
+    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+    follow::follow(problem, &options.refine, &mut random, progress)
+}
+
+/// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
+/// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
+pub(super) fn is_searchable<T: Real>(problem: &Problem<T>) -> bool {
+    let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
+    let enough = counts.clone().filter(|&count| count >= AGREEING_OF_VIEW);
+    2 * enough.count() > counts.filter(|&count| count > 0).count()
 }
 
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
