@@ -11,6 +11,7 @@
 mod exchange;
 mod expand;
 mod follow;
+mod motions;
 mod objective;
 mod place;
 mod relocate;
@@ -30,6 +31,8 @@ use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
+use follow::retraced;
+use motions::Motions;
 use expand::{AGREEING_OF_VIEW, expand};
 use objective::OUTLIER;
 use rand::SeedableRng;
@@ -143,7 +146,42 @@ pub(super) fn from_start<T: Real>(
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut map = start.clone();
+    let plain = RefineOptions {
+        loss: Loss::Squared,
+        ..options.refine
+    };
+    let Some(settled) = soften(problem, start.clone(), options)? else {
+        return Ok(None);
+    };
+    let mut best = replace(problem, settled, &plain, &mut random)?;
+    let motions = Motions::new(problem);
+    for _ in 0..RETRACED {
+        let cost = best.cost;
+        for backward in [false, true] {
+            let views = problem.views();
+            let roots = (0..views).map(|k| if backward { views - 1 - k } else { k });
+            let map = retraced(problem, &motions, &best.map, roots);
+            if let Some(found) = soften(problem, map, options)? && found.is_below(&best) {
+                std::eprintln!("retraced {} -> {}", best.cost, found.cost);
+                best = replace(problem, found, &plain, &mut random)?;
+            }
+        }
+        if !(best.cost < cost) {
+            break;
+        }
+    }
+    Ok(Some(reconstruction(problem, &best)))
+}
+
+/// Most rounds of following the odometry anew through the landmarks of a map.
+const RETRACED: usize = 4;
+
+/// The fixed point that a start leads to by way of the least of Cauchy's loss.
+fn soften<T: Real>(
+    problem: &Problem<T>,
+    mut map: Map<T>,
+    options: &SolveOptions<T>,
+) -> Result<Option<Settled<T>>, Error> {
     let soft = RefineOptions {
         loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
         ..options.refine
@@ -158,11 +196,7 @@ pub(super) fn from_start<T: Real>(
     {
         return Err(error);
     }
-    let Some(settled) = settle(problem, map, &plain)? else {
-        return Ok(None);
-    };
-    let settled = replace(problem, settled, &plain, &mut random)?;
-    Ok(Some(reconstruction(problem, &settled)))
+    settle(problem, map, &plain)
 }
 
 /// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has

@@ -9,16 +9,17 @@
 use super::super::expand::score;
 use super::super::options::{Progress, tell};
 use super::expand::{AGREEING_OF_LANDMARK, GROWING, extend};
+use super::motions::{Motions, moved};
 use super::place::{place_landmark, sets};
 use crate::error::Error;
-use crate::estimation::{Loss, Map, Problem, RefineOptions, Tie, refine_map};
-use crate::geometry::{Pose, align, pose};
+use crate::estimation::{Loss, Map, Problem, RefineOptions, refine_map};
+use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
 use crate::scalar::Real;
 use alloc::collections::VecDeque;
 
 use alloc::vec::Vec;
-use nalgebra::{Matrix3, Point2, Vector3};
+use nalgebra::Point2;
 use rand_chacha::ChaCha8Rng;
 
 /// Views after which a piece is refined for the first time, and the part by which it grows until the next.
@@ -28,9 +29,6 @@ const PART: usize = 4;
 /// Iterations that a growing piece gets each time: it only has to stay near.
 const ITERATIONS: usize = 8;
 
-/// Steps of Gauss-Newton for one view.
-const STEPS: usize = 10;
-
 /// Parallax below which a landmark of a growing piece has to wait: rays that spread by less than six
 /// degrees tell its range badly.
 const MIN_PARALLAX: f64 = 0.05;
@@ -38,14 +36,6 @@ const MIN_PARALLAX: f64 = 0.05;
 /// Landmarks that lay one piece over another, and most pairs of them that are tried.
 const SHARED: usize = 2;
 const PAIRS: usize = 128;
-
-/// A motion from a view, as the pose of its other end in its frame.
-struct Link<T: Real> {
-    end: usize,
-    delta: Pose<T>,
-    /// The root of the information, in the frame of either end: between them it hardly turns.
-    root: Matrix3<T>,
-}
 
 /// Maps along the odometry, the one with most views first; those after it share too few landmarks with it.
 /// None where there is no odometry.
@@ -66,15 +56,15 @@ pub fn follow<T: Real>(
         max_iterations: options.max_iterations.min(ITERATIONS),
         ..*options
     };
-    let links = links(problem);
+    let motions = Motions::new(problem);
     // From the view that sees most; of equals the first.
     let mut order: Vec<usize> = (0..problem.views()).collect();
     order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
     let mut pieces: Vec<Map<T>> = Vec::new();
     for root in order {
         let reached = |map: &Map<T>| map.poses[root].is_some();
-        if !links[root].is_empty() && !pieces.iter().any(reached) {
-            pieces.push(piece(problem, &links, root, options, random, progress)?);
+        if !motions.of(root).is_empty() && !pieces.iter().any(reached) {
+            pieces.push(piece(problem, &motions, root, options, random, progress)?);
         }
     }
     let size = |map: &Map<T>| map.poses.iter().flatten().count();
@@ -94,30 +84,10 @@ pub fn follow<T: Real>(
     Ok(done)
 }
 
-/// The motions of each view.
-fn links<T: Real>(problem: &Problem<T>) -> Vec<Vec<Link<T>>> {
-    let mut links: Vec<Vec<Link<T>>> = (0..problem.views()).map(|_| Vec::new()).collect();
-    for tie in problem.ties() {
-        if let Tie::Motion {
-            start,
-            end,
-            delta,
-            root,
-        } = tie
-        {
-            let root = Matrix3::from_fn(|i, j| root[i][j]);
-            for (from, end, delta) in [(*start, *end, *delta), (*end, *start, delta.inverse())] {
-                links[from].push(Link { end, delta, root });
-            }
-        }
-    }
-    links
-}
-
 /// The map of all views that motions tie to one.
 fn piece<T: Real>(
     problem: &Problem<T>,
-    links: &[Vec<Link<T>>],
+    motions: &Motions<T>,
     root: usize,
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
@@ -130,14 +100,14 @@ fn piece<T: Real>(
     while let Some((view, first)) = waiting.pop_front() {
         // A refinement may have moved it since.
         let from = map.poses[view].unwrap_or(first);
-        for link in &links[view] {
-            if map.poses[link.end].is_some() {
+        for motion in motions.of(view) {
+            if map.poses[motion.end].is_some() {
                 continue;
             }
-            let found = placed(problem, &map, link, from * link.delta);
-            map.poses[link.end] = Some(found);
-            waiting.push_back((link.end, found));
-            for s in problem.of_view(link.end) {
+            let found = moved(problem, &map, &from, motion);
+            map.poses[motion.end] = Some(found);
+            waiting.push_back((motion.end, found));
+            for s in problem.of_view(motion.end) {
                 if map.landmarks[s.landmark].is_none() {
                     place(problem, &mut map, s.landmark, random);
                 }
@@ -151,60 +121,6 @@ fn piece<T: Real>(
     }
     settle(problem, &mut map, options, random, progress)?;
     Ok(map)
-}
-
-/// The pose at the end of a motion: the least of its square and of Cauchy's loss of the bearings of what
-/// the map has.
-fn placed<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    link: &Link<T>,
-    predicted: Pose<T>,
-) -> Pose<T> {
-    let seen: Vec<_> = problem
-        .of_view(link.end)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
-        .collect();
-    let loss = Loss::Cauchy(T::lit(Loss::<T>::CAUCHY));
-    let linearize = |at: &Pose<T>| {
-        let off = predicted.inv_mul(at);
-        let off = Vector3::new(off.translation.x, off.translation.y, off.rotation.angle());
-        let error = link.root * off;
-        let mut cost = error.norm_squared();
-        let mut gradient = link.root.tr_mul(&error);
-        let mut normal = link.root.tr_mul(&link.root);
-        for (point, s) in &seen {
-            let local = at.inverse_transform_point(point);
-            let square = local.coords.norm_squared();
-            if !(square > T::zero()) {
-                continue;
-            }
-            let residual = problem.residual(at, point, s) * s.weight;
-            let (value, slope) = loss.evaluate(residual * residual);
-            let row = Vector3::new(local.y / square, -local.x / square, -T::one()) * s.weight;
-            cost += value;
-            gradient += row * (residual * slope);
-            normal += row * row.transpose() * slope;
-        }
-        (cost, gradient, normal)
-    };
-    let mut best = predicted;
-    let (mut cost, mut gradient, mut normal) = linearize(&best);
-    for _ in 0..STEPS {
-        let Some(factor) = normal.cholesky() else {
-            break;
-        };
-        let step = factor.solve(&gradient);
-        let trial = best * pose(-step.x, -step.y, -step.z);
-        let then = linearize(&trial);
-        if !(then.0 < cost) {
-            break;
-        }
-        best = trial;
-        (cost, gradient, normal) = then;
-    }
-    best
 }
 
 /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
@@ -309,4 +225,37 @@ fn joined<T: Real>(
         offer(&set.map(|k| shared[k]));
     });
     best.map(|(_, map)| map)
+}
+
+/// The views of a map anew along the odometry, from `root` with its pose, by all of its landmarks.
+pub fn retraced<T: Real>(
+    problem: &Problem<T>,
+    motions: &Motions<T>,
+    map: &Map<T>,
+    roots: impl Iterator<Item = usize>,
+) -> Map<T> {
+    let mut result = Map {
+        poses: alloc::vec![None; map.poses.len()],
+        landmarks: map.landmarks.clone(),
+    };
+    for root in roots {
+        if result.poses[root].is_some() {
+            continue;
+        }
+        let Some(pose) = map.poses[root] else {
+            continue;
+        };
+        result.poses[root] = Some(pose);
+        let mut waiting = VecDeque::from([(root, pose)]);
+        while let Some((view, pose)) = waiting.pop_front() {
+            for motion in motions.of(view) {
+                if result.poses[motion.end].is_none() {
+                    let found = moved(problem, &result, &pose, motion);
+                    result.poses[motion.end] = Some(found);
+                    waiting.push_back((motion.end, found));
+                }
+            }
+        }
+    }
+    result
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Views and landmarks in other places.
 
+use super::motions::Motions;
 use super::objective::{OUTLIER, inliers};
 use super::place::{Placed, place_landmark, place_view};
 use super::settle::{ITERATIONS, Settled, descend, fixed_point, settle};
@@ -32,10 +33,19 @@ pub fn replace<T: Real>(
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
 ) -> Result<Settled<T>, Error> {
+    let motions = Motions::new(problem);
+    // Bearings alone know nothing of the motions of a view.
+    let is_better = |map: &Map<T>, view: usize, place: &Pose<T>| {
+        let cost = |at: &Pose<T>| motions.cost(problem, map, view, at);
+        let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
+        present.is_none_or(|present| cost(place) < cost(&present))
+    };
     for _ in 0..ROUNDS {
         let mut map = best.map.clone();
         for view in 0..problem.views() {
-            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first() {
+            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first()
+                && is_better(&map, view, &placed.place)
+            {
                 map.poses[view] = Some(placed.place);
             }
         }
