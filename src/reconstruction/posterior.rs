@@ -51,7 +51,7 @@ pub fn solve_posterior<T: Real>(
     if let Some(start) = starts.first() {
         attempts.refine_fitted(start)?;
     }
-    {
+    if !attempts.suffice() {
         let growing = RefineOptions {
             loss: if options.robust {
                 Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))

@@ -15,6 +15,7 @@ mod motions;
 mod objective;
 mod place;
 mod relocate;
+mod retrace;
 mod sample;
 mod settle;
 
@@ -23,21 +24,18 @@ use super::result::Reconstruction;
 use super::solve::{assess, refuse_free, solve};
 use super::{bounded, search, triples};
 use crate::error::Error;
-use crate::estimation::{
-    Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why, refine_map,
-};
+use crate::estimation::{Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why};
 use crate::kernels::Motion;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
-use follow::retraced;
-use motions::Motions;
 use expand::{AGREEING_OF_VIEW, expand};
 use objective::OUTLIER;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use relocate::{relocate, replace};
+use retrace::{retrace, softly};
 use sample::{Common, Seed};
 use settle::{Settled, fixed_point, settle};
 
@@ -150,53 +148,12 @@ pub(super) fn from_start<T: Real>(
         loss: Loss::Squared,
         ..options.refine
     };
-    let Some(settled) = soften(problem, start.clone(), options)? else {
+    let Some(settled) = softly(problem, start.clone(), &plain)? else {
         return Ok(None);
     };
-    let mut best = replace(problem, settled, &plain, &mut random)?;
-    let motions = Motions::new(problem);
-    for _ in 0..RETRACED {
-        let cost = best.cost;
-        for backward in [false, true] {
-            let views = problem.views();
-            let roots = (0..views).map(|k| if backward { views - 1 - k } else { k });
-            let map = retraced(problem, &motions, &best.map, roots);
-            if let Some(found) = soften(problem, map, options)? && found.is_below(&best) {
-                std::eprintln!("retraced {} -> {}", best.cost, found.cost);
-                best = replace(problem, found, &plain, &mut random)?;
-            }
-        }
-        if !(best.cost < cost) {
-            break;
-        }
-    }
-    Ok(Some(reconstruction(problem, &best)))
-}
-
-/// Most rounds of following the odometry anew through the landmarks of a map.
-const RETRACED: usize = 4;
-
-/// The fixed point that a start leads to by way of the least of Cauchy's loss.
-fn soften<T: Real>(
-    problem: &Problem<T>,
-    mut map: Map<T>,
-    options: &SolveOptions<T>,
-) -> Result<Option<Settled<T>>, Error> {
-    let soft = RefineOptions {
-        loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
-        ..options.refine
-    };
-    let plain = RefineOptions {
-        loss: Loss::Squared,
-        ..options.refine
-    };
-    // What cannot be refined as a whole may still have a part that can.
-    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
-        refine_map(problem, &mut map, &soft, None)
-    {
-        return Err(error);
-    }
-    settle(problem, map, &plain)
+    let settled = replace(problem, settled, &plain, &mut random)?;
+    let settled = retrace(problem, settled, &plain, &mut random)?;
+    Ok(Some(reconstruction(problem, &settled)))
 }
 
 /// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has

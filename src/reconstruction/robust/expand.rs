@@ -78,8 +78,7 @@ pub fn extend<T: Real>(
             map.poses[view] = Some(pose);
         }
         for landmark in 0..problem.landmarks() {
-            if let Some(placed) =
-                place_landmark(problem, map, landmark, GROWING, 1, random).first()
+            if let Some(placed) = place_landmark(problem, map, landmark, GROWING, 1, random).first()
             {
                 let known = map.landmarks[landmark].is_some();
                 if known || placed.count() >= AGREEING_OF_LANDMARK {

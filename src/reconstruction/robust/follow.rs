@@ -182,8 +182,7 @@ fn closest<T: Real>(map: &Map<T>, pieces: &[Map<T>]) -> Option<usize> {
     let shared = |piece: &Map<T>| shared(map, piece).len();
     let pieces = pieces.iter().map(shared).enumerate();
     let best = pieces.max_by_key(|&(k, shared)| (shared, core::cmp::Reverse(k)));
-    best.filter(|&(_, shared)| shared >= SHARED)
-        .map(|(k, _)| k)
+    best.filter(|&(_, shared)| shared >= SHARED).map(|(k, _)| k)
 }
 
 /// The places of landmarks that two maps share: in the second, and in the first.
@@ -225,37 +224,4 @@ fn joined<T: Real>(
         offer(&set.map(|k| shared[k]));
     });
     best.map(|(_, map)| map)
-}
-
-/// The views of a map anew along the odometry, from `root` with its pose, by all of its landmarks.
-pub fn retraced<T: Real>(
-    problem: &Problem<T>,
-    motions: &Motions<T>,
-    map: &Map<T>,
-    roots: impl Iterator<Item = usize>,
-) -> Map<T> {
-    let mut result = Map {
-        poses: alloc::vec![None; map.poses.len()],
-        landmarks: map.landmarks.clone(),
-    };
-    for root in roots {
-        if result.poses[root].is_some() {
-            continue;
-        }
-        let Some(pose) = map.poses[root] else {
-            continue;
-        };
-        result.poses[root] = Some(pose);
-        let mut waiting = VecDeque::from([(root, pose)]);
-        while let Some((view, pose)) = waiting.pop_front() {
-            for motion in motions.of(view) {
-                if result.poses[motion.end].is_none() {
-                    let found = moved(problem, &result, &pose, motion);
-                    result.poses[motion.end] = Some(found);
-                    waiting.push_back((motion.end, found));
-                }
-            }
-        }
-    }
-    result
 }
