@@ -115,8 +115,10 @@ fn moves<T: Real>(
     random: &mut ChaCha8Rng,
 ) -> Vec<(f64, Move<T>)> {
     let mut found: Vec<(f64, f64, Move<T>)> = Vec::new();
+    let motions = Motions::new(problem);
     for bound in BOUNDS {
-        for view in 0..problem.views() {
+        // Views with motions find their places along these.
+        for view in (0..problem.views()).filter(|&view| motions.of(view).is_empty()) {
             let places = others(place_view(problem, map, view, bound, PLACES, random), bound);
             found.extend(places.map(|(worse, pose)| (worse, bound, Move::View(view, pose))));
         }

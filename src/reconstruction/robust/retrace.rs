@@ -7,7 +7,7 @@
 
 use super::motions::{Motions, moved};
 use super::objective::inliers;
-use super::relocate::replace;
+use super::relocate::{relocate, replace};
 use super::settle::{Settled, fixed_point, settle};
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, refine_map};
@@ -20,7 +20,7 @@ const ROUNDS: usize = 10;
 
 /// Bounds, in standard deviations, within which sightings are taken for good for once: what has bent the map
 /// falls out, and what it has pushed out comes back.
-const BOUNDS: [f64; 3] = [2.0, 4.5, 6.0];
+const BOUNDS: [f64; 4] = [2.0, 4.5, 9.0, 20.0];
 
 /// The fixed point that a start leads to by way of the least of Cauchy's loss, which outliers hardly move.
 ///
@@ -66,6 +66,7 @@ pub fn retrace<T: Real>(
                 best = replace(problem, found, options, random)?;
             }
         }
+        best = relocate(problem, best, options, random)?;
         if !(best.cost < cost) {
             break;
         }
