@@ -410,23 +410,79 @@ fn robots_that_see_little_at_a_time() {
         let found = solve(&problem, &options(), Some(&mut watch)).unwrap();
         assert!(!searched, "{seed}");
         assert_eq!(found.undetermined, best.undetermined, "{seed}");
-        let tr = refine(&problem, &best.map, &RefineOptions { loss: bearslam::Loss::Truncated(3.0), ..options().refine }, None).unwrap();
-        println!("{seed} cost {} truncated from best {} err {}", found.cost, tr.cost, exact.errors(&tr.map).unwrap().position_rms);
+        let tr = refine(
+            &problem,
+            &best.map,
+            &RefineOptions {
+                loss: bearslam::Loss::Truncated(3.0),
+                ..options().refine
+            },
+            None,
+        )
+        .unwrap();
+        println!(
+            "{seed} cost {} truncated from best {} err {}",
+            found.cost,
+            tr.cost,
+            exact.errors(&tr.map).unwrap().position_rms
+        );
         {
-            let (a, b): (Vec<_>, Vec<_>) = found.map.landmarks.iter().zip(&scene.landmarks).filter_map(|(a, b)| Some(((*a)?, *b))).unzip();
+            let (a, b): (Vec<_>, Vec<_>) = found
+                .map
+                .landmarks
+                .iter()
+                .zip(&scene.landmarks)
+                .filter_map(|(a, b)| Some(((*a)?, *b)))
+                .unzip();
             let sim = bearslam::align(&a, &b).unwrap();
-            let d: Vec<f64> = a.iter().zip(&b).map(|(a, b)| ((sim.transform_point(a) - b).norm() * 1000.0).round() / 1000.0).collect();
+            let d: Vec<f64> = a
+                .iter()
+                .zip(&b)
+                .map(|(a, b)| ((sim.transform_point(a) - b).norm() * 1000.0).round() / 1000.0)
+                .collect();
             println!("{d:?}");
-            let counts: Vec<usize> = (0..landmarks).map(|l| problem.of_landmark(l).len()).collect();
+            let counts: Vec<usize> = (0..landmarks)
+                .map(|l| problem.of_landmark(l).len())
+                .collect();
             println!("{counts:?}");
             if seed == 2 {
-                let bad = (0..landmarks).filter(|&l| found.map.landmarks[l].is_some()).nth(16).unwrap();
+                let bad = (0..landmarks)
+                    .filter(|&l| found.map.landmarks[l].is_some())
+                    .nth(16)
+                    .unwrap();
                 let mut k = 0;
-                for v in 0..views { for l in 0..landmarks { let i = v * landmarks + l; if scene.bearings[i].is_nan() { continue; }
-                    if l == bad { let tr2 = tr.residuals[k].unwrap() / (1.5 * noise);
-                    println!("view {v} wrong {} inlier {} res {:?} best {} range {:.2}", wrong[i], found.inliers[k], found.residuals[k].map(|r| r / (1.5 * noise)), tr2, (scene.landmarks[l] - scene.poses[v].translation.vector).coords.norm()); }
-                    k += 1; } }
-                for v in 0..views { let e = (sim.transform_point(&found.map.poses[v].unwrap().translation.vector.into()) - scene.poses[v].translation.vector).coords.norm(); if v % 4 == 0 { print!("{:.2} ", e); } }
+                for v in 0..views {
+                    for l in 0..landmarks {
+                        let i = v * landmarks + l;
+                        if scene.bearings[i].is_nan() {
+                            continue;
+                        }
+                        if l == bad {
+                            let tr2 = tr.residuals[k].unwrap() / (1.5 * noise);
+                            println!(
+                                "view {v} wrong {} inlier {} res {:?} best {} range {:.2}",
+                                wrong[i],
+                                found.inliers[k],
+                                found.residuals[k].map(|r| r / (1.5 * noise)),
+                                tr2,
+                                (scene.landmarks[l] - scene.poses[v].translation.vector)
+                                    .coords
+                                    .norm()
+                            );
+                        }
+                        k += 1;
+                    }
+                }
+                for v in 0..views {
+                    let e = (sim
+                        .transform_point(&found.map.poses[v].unwrap().translation.vector.into())
+                        - scene.poses[v].translation.vector)
+                        .coords
+                        .norm();
+                    if v % 4 == 0 {
+                        print!("{:.2} ", e);
+                    }
+                }
                 println!();
             }
         }

@@ -20,6 +20,9 @@ const PLACES: usize = 4;
 const WORSE: f64 = 2.0;
 const TRIED: usize = 24;
 
+/// Sightings that must change sides where odometry ties the views.
+const SEVERAL: usize = 3;
+
 /// Most rounds: each lowers the cost, so they end by themselves.
 const ROUNDS: usize = 10;
 
@@ -116,16 +119,23 @@ fn moves<T: Real>(
 ) -> Vec<(f64, Move<T>)> {
     let mut found: Vec<(f64, f64, Move<T>)> = Vec::new();
     let motions = Motions::new(problem);
+    // One sighting more or less is no other place where each try moves hundreds of views.
+    let least = if problem.ties().is_empty() {
+        1
+    } else {
+        SEVERAL
+    };
     for bound in BOUNDS {
         // Views with motions find their places along these.
         for view in (0..problem.views()).filter(|&view| motions.of(view).is_empty()) {
-            let places = others(place_view(problem, map, view, bound, PLACES, random), bound);
+            let places = place_view(problem, map, view, bound, PLACES, random);
+            let places = others(places, bound, least);
             found.extend(places.map(|(worse, pose)| (worse, bound, Move::View(view, pose))));
         }
         for landmark in 0..problem.landmarks() {
             let places = place_landmark(problem, map, landmark, bound, PLACES, random);
             found.extend(
-                others(places, bound)
+                others(places, bound, least)
                     .map(|(worse, point)| (worse, bound, Move::Landmark(landmark, point))),
             );
         }
@@ -138,15 +148,27 @@ fn moves<T: Real>(
         .collect()
 }
 
-/// Places other than the present one, and by how many outliers they are worse, if not by too many.
-fn others<P, T: Real>(places: Vec<Placed<P, T>>, bound: f64) -> impl Iterator<Item = (f64, P)> {
+/// Places other than the present one, with which at least so many sightings agree that do not with that, or the
+/// reverse, and by how many outliers they are worse, if not by too many.
+fn others<P, T: Real>(
+    places: Vec<Placed<P, T>>,
+    bound: f64,
+    least: usize,
+) -> impl Iterator<Item = (f64, P)> {
     let cost = move |placed: &Placed<P, T>| placed.cost.as_f64() / (bound * bound);
     // A present place that is not among them is worse than all.
     let present = places.iter().find(|placed| placed.present);
     let now = present.or(places.last()).map_or(0.0, cost);
+    let before = present.map(|placed| placed.agreeing.clone());
+    let changes = move |placed: &Placed<P, T>| {
+        let before = before.iter().flatten();
+        let changed = before.zip(&placed.agreeing).filter(|(a, b)| a != b);
+        changed.count()
+    };
+    let is_new = present.is_none();
     places
         .into_iter()
-        .filter(|placed| !placed.present)
+        .filter(move |placed| !placed.present && (is_new || changes(placed) >= least))
         .map(move |placed| (cost(&placed) - now, placed.place))
         .filter(|(change, _)| *change < WORSE)
 }
