@@ -26,6 +26,12 @@ pub trait System<T: Real> {
         true
     }
 
+    /// Whether damping keeps away from where it has just been refused: in a long valley every other step would
+    /// be wasted there.
+    fn remembers(&self) -> bool {
+        false
+    }
+
     /// Whether the descent is to pause here, for a change of the system.
     fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &Rows<T>, _cost: T) -> bool {
         false
@@ -106,8 +112,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
         let loss = self.options.loss;
         let mut damping = self.options.damping;
         let mut last_gain = T::zero();
-        // The damping at which the last step was refused: to come back to it each time a step succeeds would
-        // waste every other one.
+        // The damping at which the last step was refused, for a system that remembers.
         let mut refused = T::zero();
         loop {
             if self.cost <= zero {
@@ -177,7 +182,9 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
                     return Ok(Rest::Ended(Termination::NoProgress));
                 }
-                refused = damping;
+                if system.remembers() {
+                    refused = damping;
+                }
                 damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
             }
         }
