@@ -3,6 +3,8 @@
 //!
 //! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
 //! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
+//! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
+//! whose work is quadratic in the views, is left out where it could place few of many views.
 
 use super::anchored::anchored;
 use super::bounded::take_out_unbounded;
@@ -185,11 +187,18 @@ fn are_apart<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
 }
 
 /// Whether a map is what may be expected of the right one: it reaches all that any start would, and its cost
-/// is what the standard deviations say, or, where outliers are expected, they are no more than a search finds
-/// its way among. These do not depend on standard deviations that are exact.
+/// is what the standard deviations say.
+///
+/// Where outliers are expected it is enough that they are no more than a search finds its way among: real
+/// standard deviations are never exact, and many outliers tell a wrong map whatever they are.
 fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
-    // What has too few sightings no start would reach.
-    let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
+    let hopeless = |one: &Undetermined| match one.why {
+        // No start would reach it.
+        Why::TooFewSightings { .. } => true,
+        // Its sightings are among the outliers that are counted.
+        Why::TooFewInliers { .. } => robust,
+        _ => false,
+    };
     if !(found.termination.was_successful() && found.undetermined.iter().all(hopeless)) {
         return false;
     }

@@ -7,6 +7,9 @@
 //! do not move (`place`), and lowered to minima (`settle`). It is enough when seeds from two triples
 //! of views have led to the lowest. That one is improved by changing sightings, views and landmarks one
 //! at a time (`exchange`, `relocate`), and the plain search over its inliers has the last word.
+//!
+//! With odometry a map grows along it, each view placed by its motion and its bearings together (`motions`,
+//! `follow`), and once all landmarks are known the views are followed anew from either end (`retrace`).
 
 mod exchange;
 mod expand;
@@ -152,7 +155,7 @@ pub(super) fn from_start<T: Real>(
         return Ok(None);
     };
     let settled = replace(problem, settled, &plain, &mut random)?;
-    let settled = retrace(problem, settled, &plain, &mut random)?;
+    let settled = retrace(problem, settled, &plain, &mut random, progress)?;
     Ok(Some(reconstruction(problem, &settled)))
 }
 

@@ -5,6 +5,7 @@
 //! come to lie where a few wrong bearings and the odometry agree. Once all landmarks are known the same views
 //! find their places one after the other; from the other end they find different ones where it matters.
 
+use super::super::options::{Progress, tell};
 use super::motions::{Motions, moved};
 use super::objective::inliers;
 use super::relocate::{relocate, replace};
@@ -48,17 +49,21 @@ pub fn softly<T: Real>(
 /// lowers the cost; then takes sightings for good, or for wrong, that are near the bound.
 ///
 /// # Errors
-/// Those of the refinement.
+/// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
 pub fn retrace<T: Real>(
     problem: &Problem<T>,
     mut best: Settled<T>,
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Settled<T>, Error> {
     let motions = Motions::new(problem);
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
         let cost = best.cost;
         for backward in [false, true] {
+            if !tell(progress, "improve", round, ROUNDS) {
+                return Err(Error::Interrupted);
+            }
             let map = retraced(problem, &motions, &best.map, backward);
             if let Some(found) = softly(problem, map, options)?
                 && found.is_below(&best)
