@@ -2,7 +2,7 @@
 //! Views and landmarks in other places.
 
 use super::motions::Motions;
-use super::objective::{OUTLIER, inliers};
+use super::objective::{OUTLIER, cost, inliers};
 use super::place::{Placed, place_landmark, place_view};
 use super::settle::{ITERATIONS, Settled, descend, fixed_point, settle};
 use crate::error::Error;
@@ -39,9 +39,9 @@ pub fn replace<T: Real>(
     let motions = Motions::new(problem);
     // Bearings alone know nothing of the motions of a view.
     let is_better = |map: &Map<T>, view: usize, place: &Pose<T>| {
-        let cost = |at: &Pose<T>| motions.cost(problem, map, view, at);
+        let cost_at = |at: &Pose<T>| motions.cost(problem, map, view, at);
         let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
-        present.is_none_or(|present| cost(place) < cost(&present))
+        present.is_none_or(|present| cost_at(place) < cost_at(&present))
     };
     for _ in 0..ROUNDS {
         let mut map = best.map.clone();
@@ -88,8 +88,11 @@ pub fn relocate<T: Real>(
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
 ) -> Result<Settled<T>, Error> {
+    // Where each try moves hundreds of views, only one that promises something is followed to its end.
+    let tied = !problem.ties().is_empty();
     for _ in 0..ROUNDS {
         let mut lower = None;
+        let limit = best.cost + T::lit(WORSE * OUTLIER * OUTLIER / 2.0);
         for (bound, place) in moves(problem, &best.map, random) {
             let mut map = best.map.clone();
             match place {
@@ -97,6 +100,9 @@ pub fn relocate<T: Real>(
                 Move::Landmark(landmark, point) => map.landmarks[landmark] = Some(point),
             }
             descend(problem, &mut map, bound, ITERATIONS, options)?;
+            if tied && cost(problem, &map, OUTLIER) > limit {
+                continue;
+            }
             lower = settle(problem, map, options)?.filter(|found| found.is_below(&best));
             if lower.is_some() {
                 break;

@@ -7,7 +7,7 @@
 
 use super::super::options::{Progress, tell};
 use super::motions::{Motions, moved};
-use super::objective::inliers;
+use super::objective::{OUTLIER, inliers};
 use super::relocate::{relocate, replace};
 use super::settle::{Settled, fixed_point, settle};
 use crate::error::Error;
@@ -18,6 +18,12 @@ use rand_chacha::ChaCha8Rng;
 
 /// Most rounds: each lowers the cost, so they end by themselves.
 const ROUNDS: usize = 10;
+
+/// A round is worth another when it has saved an outlier.
+const WORTH: f64 = OUTLIER * OUTLIER / 2.0;
+
+/// Tolerance of the refinement with Cauchy's loss: it only has to tell inliers.
+const ROUGHLY: f64 = 1e-5;
 
 /// Bounds, in standard deviations, within which sightings are taken for good for once: what has bent the map
 /// falls out, and what it has pushed out comes back.
@@ -34,6 +40,7 @@ pub fn softly<T: Real>(
 ) -> Result<Option<Settled<T>>, Error> {
     let soft = RefineOptions {
         loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
+        tolerance: T::lit(ROUGHLY),
         ..*options
     };
     // What cannot be refined as a whole may still have a part that can.
@@ -72,7 +79,7 @@ pub fn retrace<T: Real>(
             }
         }
         best = relocate(problem, best, options, random)?;
-        if !(best.cost < cost) {
+        if !(best.cost + T::lit(WORTH) < cost) {
             break;
         }
     }
