@@ -26,6 +26,12 @@ pub trait System<T: Real> {
         true
     }
 
+    /// Whether damping keeps away from where it has just been refused: in a long valley every other step would
+    /// be wasted there.
+    fn remembers(&self) -> bool {
+        false
+    }
+
     /// Whether the descent is to pause here, for a change of the system.
     fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &Rows<T>, _cost: T) -> bool {
         false
@@ -106,6 +112,8 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
         let loss = self.options.loss;
         let mut damping = self.options.damping;
         let mut last_gain = T::zero();
+        // The damping at which the last step was refused, for a system that remembers.
+        let mut refused = T::zero();
         loop {
             if self.cost <= zero {
                 return Ok(Rest::Ended(Termination::ZeroResidual));
@@ -160,13 +168,22 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 last_gain = gained;
                 let ratio = gained / predicted;
                 if ratio > T::lit(0.75) {
-                    damping *= T::lit(0.1);
+                    let less = damping * T::lit(0.1);
+                    if less > refused {
+                        damping = less;
+                    } else {
+                        damping = (damping * refused).sqrt();
+                        refused *= T::lit(FORGET);
+                    }
                 } else if ratio < T::lit(0.25) {
                     damping *= T::lit(4.0);
                 }
             } else {
                 if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
                     return Ok(Rest::Ended(Termination::NoProgress));
+                }
+                if system.remembers() {
+                    refused = damping;
                 }
                 damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
             }
@@ -185,6 +202,9 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
 
 /// Ratio of successive gains below which the next one is foreseen.
 const CONVERGING: f64 = 0.05;
+
+/// What is left of the refused damping once one between has been chosen: the next steps may need less.
+const FORGET: f64 = 0.3;
 
 /// Damping beyond which a step is too small to be one.
 const MAX_DAMPING: f64 = 1e8;

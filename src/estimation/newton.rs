@@ -434,6 +434,10 @@ impl<T: Real> System<T> for Newton<'_, T> {
         matches!(self.columns[landmark], Column::Point(_))
     }
 
+    fn remembers(&self) -> bool {
+        true
+    }
+
     fn pauses(&mut self, bundle: &Bundle<T>, rows: &Rows<T>, cost: T) -> bool {
         // A line of sight goes on behind its view and beyond infinity: there is no edge.
         if !self.problem.is_oriented() {

@@ -284,6 +284,12 @@ impl<T: Real> Problem<T> {
         self
     }
 
+    /// The same problem without priors.
+    pub(crate) fn with_motions_only(mut self) -> Self {
+        self.ties.retain(|tie| matches!(tie, Tie::Motion { .. }));
+        self
+    }
+
     /// Odometry and priors.
     pub(crate) fn ties(&self) -> &[Tie<T>] {
         &self.ties

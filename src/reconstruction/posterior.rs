@@ -3,6 +3,8 @@
 //!
 //! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
 //! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
+//! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
+//! whose work is quadratic in the views, is left out where it could place few of many views.
 
 use super::anchored::anchored;
 use super::bounded::take_out_unbounded;
@@ -35,15 +37,7 @@ pub fn solve_posterior<T: Real>(
     options: &SolveOptions<T>,
     mut progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction<T>, Error> {
-    let growing = RefineOptions {
-        loss: if options.robust {
-            Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))
-        } else {
-            options.refine.loss
-        },
-        ..options.refine
-    };
-    let starts = anchored(problem, &growing, &mut progress)?;
+    let many = problem.views() > MANY_VIEWS;
     let mut attempts = Attempts {
         problem,
         options,
@@ -51,16 +45,31 @@ pub fn solve_posterior<T: Real>(
         found: Vec::new(),
         failure: NOTHING,
     };
+    let mut starts = if options.robust {
+        robust::along_odometry(problem, options, attempts.progress)?
+    } else {
+        Vec::new()
+    };
     if let Some(start) = starts.first() {
         attempts.refine_fitted(start)?;
     }
-    let many = problem.views() > MANY_VIEWS;
-    if !(many
-        && attempts
-            .found
-            .iter()
-            .any(|found| is_plausible(found, options.robust)))
-    {
+    if !attempts.suffice() {
+        let growing = RefineOptions {
+            loss: if options.robust {
+                Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))
+            } else {
+                options.refine.loss
+            },
+            ..options.refine
+        };
+        let others = anchored(problem, &growing, attempts.progress)?;
+        if let Some(start) = others.first() {
+            attempts.refine_fitted(start)?;
+        }
+        starts.extend(others);
+    }
+    let hopeless = options.robust && many && !robust::is_searchable(problem);
+    if !(attempts.suffice() || hopeless) {
         attempts.refine_from_bearings()?;
     }
     let rank = |found: &Reconstruction<T>| (found.undetermined.len(), found.cost.as_f64());
@@ -90,6 +99,9 @@ pub fn solve_posterior<T: Real>(
     sight::gather(problem, maps).ok_or(NOTHING)
 }
 
+/// Sightings for each outlier, of which a map has at least so many: `robust` is for up to a third.
+const MANY_SIGHTINGS: usize = 3;
+
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
     quantity: "number of starts that could be refined",
@@ -108,6 +120,12 @@ struct Attempts<'a, 'p, T: Real> {
 }
 
 impl<T: Real> Attempts<'_, '_, T> {
+    /// Whether no other start is wanted.
+    fn suffice(&self) -> bool {
+        let plausible = |found| is_plausible(found, self.options.robust);
+        self.problem.views() > MANY_VIEWS && self.found.iter().any(plausible)
+    }
+
     /// Refines a start, moved as a whole to where odometry and priors want it.
     fn refine_fitted(&mut self, start: &Map<T>) -> Result<(), Error> {
         let start = fitted(self.problem, start);
@@ -168,20 +186,27 @@ fn are_apart<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
     pairs.all(|(a, b)| a.is_none() || b.is_none())
 }
 
-/// Whether the cost is what the standard deviations let expect.
+/// Whether a map is what may be expected of the right one: it reaches all that any start would, and its cost
+/// is what the standard deviations say.
+///
+/// Where outliers are expected it is enough that they are no more than a search finds its way among: real
+/// standard deviations are never exact, and many outliers tell a wrong map whatever they are.
 fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
-    let freedom = found.freedom as f64;
-    // An outlier counts with its bound, and is none of the freedom.
-    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
-    let bound = if robust {
-        Loss::<T>::TRUNCATED * Loss::<T>::TRUNCATED
-    } else {
-        0.0
+    let hopeless = |one: &Undetermined| match one.why {
+        // No start would reach it.
+        Why::TooFewSightings { .. } => true,
+        // Its sightings are among the outliers that are counted.
+        Why::TooFewInliers { .. } => robust,
+        _ => false,
     };
-    let excess = 2.0 * found.cost.as_f64() - bound * outliers as f64 - freedom;
-    // What has too few sightings no start would reach.
-    let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
-    found.termination.was_successful()
-        && found.undetermined.iter().all(hopeless)
-        && excess <= 0.0_f64.max(PLAUSIBLE * nalgebra::ComplexField::sqrt(2.0 * freedom))
+    if !(found.termination.was_successful() && found.undetermined.iter().all(hopeless)) {
+        return false;
+    }
+    if robust {
+        let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
+        return MANY_SIGHTINGS * outliers <= found.inliers.len();
+    }
+    let freedom = found.freedom as f64;
+    let excess = 2.0 * found.cost.as_f64() - freedom;
+    excess <= 0.0_f64.max(PLAUSIBLE * nalgebra::ComplexField::sqrt(2.0 * freedom))
 }

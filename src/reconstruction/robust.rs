@@ -7,12 +7,18 @@
 //! do not move (`place`), and lowered to minima (`settle`). It is enough when seeds from two triples
 //! of views have led to the lowest. That one is improved by changing sightings, views and landmarks one
 //! at a time (`exchange`, `relocate`), and the plain search over its inliers has the last word.
+//!
+//! With odometry a map grows along it, each view placed by its motion and its bearings together (`motions`,
+//! `follow`), and once all landmarks are known the views are followed anew from either end (`retrace`).
 
 mod exchange;
 mod expand;
+mod follow;
+mod motions;
 mod objective;
 mod place;
 mod relocate;
+mod retrace;
 mod sample;
 mod settle;
 
@@ -21,19 +27,18 @@ use super::result::Reconstruction;
 use super::solve::{assess, refuse_free, solve};
 use super::{bounded, search, triples};
 use crate::error::Error;
-use crate::estimation::{
-    Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why, refine_map,
-};
+use crate::estimation::{Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why};
 use crate::kernels::Motion;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
-use expand::expand;
+use expand::{AGREEING_OF_VIEW, expand};
 use objective::OUTLIER;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use relocate::{relocate, replace};
+use retrace::{retrace, softly};
 use sample::{Common, Seed};
 use settle::{Settled, fixed_point, settle};
 
@@ -105,6 +110,28 @@ pub(super) fn solve_robust<T: Real>(
     Ok(found)
 }
 
+/// Maps along the odometry of a problem, the largest first; none where it has no odometry.
+///
+/// # Errors
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+pub(super) fn along_odometry<T: Real>(
+    problem: &Problem<T>,
+    options: &SolveOptions<T>,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map<T>>, Error> {
+    check_sigmas(problem)?;
+    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+    follow::follow(problem, &options.refine, &mut random, progress)
+}
+
+/// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
+/// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
+pub(super) fn is_searchable<T: Real>(problem: &Problem<T>) -> bool {
+    let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
+    let enough = counts.clone().filter(|&count| count >= AGREEING_OF_VIEW);
+    2 * enough.count() > counts.filter(|&count| count > 0).count()
+}
+
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
@@ -120,25 +147,15 @@ pub(super) fn from_start<T: Real>(
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let mut map = start.clone();
-    let soft = RefineOptions {
-        loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
-        ..options.refine
-    };
     let plain = RefineOptions {
         loss: Loss::Squared,
         ..options.refine
     };
-    // What cannot be refined as a whole may still have a part that can.
-    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
-        refine_map(problem, &mut map, &soft, None)
-    {
-        return Err(error);
-    }
-    let Some(settled) = settle(problem, map, &plain)? else {
+    let Some(settled) = softly(problem, start.clone(), &plain)? else {
         return Ok(None);
     };
     let settled = replace(problem, settled, &plain, &mut random)?;
+    let settled = retrace(problem, settled, &plain, &mut random, progress)?;
     Ok(Some(reconstruction(problem, &settled)))
 }
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -19,9 +20,10 @@ settings.register_profile(
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 REPOSITORY = Path(__file__).parents[2]
+SHARED = Path(os.environ.get("BEARSLAM_SHARED", REPOSITORY / ".." / "shared"))
 REFERENCES = {
     "own": REPOSITORY / "tests" / "data" / "reference.json",
-    "shared": Path(os.environ.get("BEARSLAM_SHARED", REPOSITORY / ".." / "shared"), "vectors", "reference.json"),
+    "shared": SHARED / "vectors" / "reference.json",
 }
 
 
@@ -38,6 +40,25 @@ def reference(request):
     if request.param == "shared" and not path.exists():
         pytest.skip(f"no reference values in {path}; BEARSLAM_SHARED names the folder above vectors/")
     return json.loads(path.read_text())
+
+
+@pytest.fixture(scope="session")
+def mrclam():
+    """Reads scenes of real robots, UTIAS MRCLAM 7, by the name of their file: a list of dictionaries."""
+    folder = SHARED / "data" / "mrclam7" / "derived"
+    if not folder.exists():
+        pytest.skip(f"no scenes in {folder}; BEARSLAM_SHARED names the folder above data/")
+
+    def read(name):
+        scenes = {}
+        with np.load(folder / f"MRCLAM_Dataset7_{name}.npz") as file:
+            for key in file.files:
+                scene, _, quantity = key.partition("_")
+                if scene[1:].isdigit():
+                    scenes.setdefault(scene, {})[quantity] = file[key]
+        return list(scenes.values())
+
+    return read
 
 
 @pytest.fixture(scope="session")

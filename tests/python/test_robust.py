@@ -68,6 +68,26 @@ def test_with_odometry():
     assert np.isfinite(result.pose_covariance).all()
 
 
+@pytest.mark.parametrize("share", [0.0, 0.2])
+def test_real_robots_with_odometry(mrclam, share):
+    for scene in mrclam("track_joint"):
+        sigma = float(scene["sigma"])
+        view, bearing = scene["view_index"], scene["bearing"].copy()
+        odometry = bearslam.Odometry(*(scene[f"odo_{name}"] for name in ("from", "to", "delta", "sigma")))
+        random = np.random.default_rng(1)
+        wrong = random.choice(bearing.size, int(share * bearing.size), replace=False)
+        bearing[wrong] = random.uniform(-np.pi, np.pi, wrong.size)
+        seen = bearslam.Sightings(view, scene["landmark_index"], bearing)
+        result = bearslam.solve(seen, sigma=sigma, odometry=odometry, robust=True)
+        truth = (scene["true_poses"], scene["true_landmarks"])
+        near_truth = bearslam.refine(seen, truth, sigma=sigma, odometry=odometry, loss="truncated")
+        assert result.cost <= near_truth.cost
+        assert not result.undetermined
+        # Random bearings within three standard deviations, and what the odometry explains of views that see little.
+        assert result.inliers[wrong].sum() <= 0.05 * wrong.size
+        assert np.delete(~result.inliers, wrong).sum() <= 0.02 * bearing.size
+
+
 def test_bearings_modulo_pi():
     _, bearings, wrong = contaminated(2, share=0.1)
     result = bearslam.solve(bearings % np.pi, sigma=NOISE, robust=True, oriented=False)

@@ -246,3 +246,12 @@ def test_progress_is_told_and_can_stop_the_work():
 
     with pytest.raises(KeyboardInterrupt):
         bearslam.solve(scene.bearings, progress=stop)
+
+
+def test_real_views_reach_the_minimum_at_the_truth(mrclam):
+    # One of them lies in a long valley.
+    for scene in mrclam("short_linked"):
+        seen = bearslam.Sightings(scene["view_index"], scene["landmark_index"], scene["bearing"])
+        sigma = np.radians(0.2)
+        best = bearslam.refine(seen, (scene["true_poses"], scene["true_landmarks"]), sigma=sigma)
+        assert bearslam.solve(seen, sigma=sigma).cost <= best.cost * (1 + 1e-5)

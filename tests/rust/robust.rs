@@ -4,7 +4,7 @@
 use crate::common::{LAYOUTS, error, scene};
 use bearslam::{
     Arena, Error, Layout, Map, Problem, Reconstruction, RefineOptions, Scene, Sighting,
-    SolveOptions, Subject, Why, refine_map, simulate, solve,
+    SolveOptions, Subject, Why, refine, refine_map, simulate, solve,
 };
 
 const NOISE_DEG: f64 = 0.5;
@@ -365,6 +365,62 @@ fn outliers_among_odometry() {
             exact.errors(&found.map).unwrap().position_rms < 0.2,
             "{seed}"
         );
+    }
+}
+
+/// Three robots, of whose bearings three a view are kept, one in ten wrong, and all of them better than stated:
+/// bearings alone lead nowhere, one wrong ray spoils a triangulation, and the cost is not what the stated sigmas
+/// let expect.
+#[test]
+fn robots_that_see_little_at_a_time() {
+    let (views, landmarks, noise) = (240, 30, 0.4_f64.to_radians());
+    let arena = Arena {
+        sight: 2.0,
+        ..Arena::default()
+    };
+    for seed in 0..4 {
+        let mut exact = simulate(Layout::Trajectory, views, landmarks, noise, seed, arena).unwrap();
+        for view in 0..views {
+            let seen = (0..landmarks).map(|k| view * landmarks + (k + 7 * view) % landmarks);
+            let seen: Vec<usize> = seen.filter(|&k| !exact.bearings[k].is_nan()).collect();
+            for &k in seen.iter().skip(3) {
+                exact.bearings[k] = f64::NAN;
+            }
+        }
+        let odometry = exact.odometry([0.02, 0.02, 0.02], seed).unwrap();
+        let apart = odometry.into_iter().filter(|o| o.end % 80 != 0);
+        let apart: Vec<_> = apart.collect();
+        let with_odometry = |bearings: &[f64]| {
+            let problem = Problem::dense(views, landmarks, bearings, 1.5 * noise).unwrap();
+            problem.with_odometry(&apart).unwrap()
+        };
+        let (scene, wrong) = exact.contaminate(0.1, seed);
+        let pairs = scene.bearings.iter().zip(&wrong);
+        let good: Vec<f64> = pairs
+            .map(|(bearing, wrong)| if *wrong { f64::NAN } else { *bearing })
+            .collect();
+        let best = refine(&with_odometry(&good), &exact.map(), &options().refine, None).unwrap();
+
+        let mut searched = false;
+        let mut watch = |stage: &'static str, _, _| {
+            searched |= stage == "search";
+            true
+        };
+        let problem = with_odometry(&scene.bearings);
+        let found = solve(&problem, &options(), Some(&mut watch)).unwrap();
+        assert!(!searched, "{seed}");
+        assert_eq!(found.undetermined, best.undetermined, "{seed}");
+        // Odometry knows the scale: no part of the map is out of place.
+        let [error, least] = [&found, &best].map(|found| exact.errors(&found.map).unwrap());
+        assert!(
+            error.position_rms < 1.5 * least.position_rms,
+            "{seed}: {} {}",
+            error.position_rms,
+            least.position_rms
+        );
+        let seen = (0..wrong.len()).filter(|&k| !scene.bearings[k].is_nan());
+        let seen: Vec<bool> = seen.map(|k| !wrong[k]).collect();
+        assert!(tells(&found.inliers, &seen), "{seed}");
     }
 }
 

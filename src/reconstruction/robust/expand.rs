@@ -17,8 +17,8 @@ use rand_chacha::ChaCha8Rng;
 pub const GROWING: f64 = 9.0;
 
 /// Sightings of a new view that must agree, one more than fix it; and those of a new landmark.
-const AGREEING_OF_VIEW: usize = MIN_LANDMARKS_OF_VIEW + 1;
-const AGREEING_OF_LANDMARK: usize = 3;
+pub const AGREEING_OF_VIEW: usize = MIN_LANDMARKS_OF_VIEW + 1;
+pub const AGREEING_OF_LANDMARK: usize = 3;
 
 /// Iterations of refinement while the map grows: it only has to be better than its parts.
 const ITERATIONS: usize = 4;
@@ -44,12 +44,26 @@ pub fn expand<T: Real>(
             .first()
             .map(|found| found.place);
     }
+    extend(problem, &mut map, options, random)?;
+    Ok(map)
+}
+
+/// Grows a map by resection and triangulation in turn, as [`expand`], from the views that it has.
+///
+/// # Errors
+/// As [`expand`].
+pub fn extend<T: Real>(
+    problem: &Problem<T>,
+    map: &mut Map<T>,
+    options: &RefineOptions<T>,
+    random: &mut ChaCha8Rng,
+) -> Result<(), Error> {
     // At least one view more each time, unless the refinement has thrown it out again.
     for _ in 0..problem.views() {
         let mut found: Vec<(usize, usize, Pose<T>)> = Vec::new();
         for view in 0..problem.views() {
             if map.poses[view].is_none()
-                && let Some(placed) = place_view(problem, &map, view, GROWING, 1, random).first()
+                && let Some(placed) = place_view(problem, map, view, GROWING, 1, random).first()
                 && placed.count() >= AGREEING_OF_VIEW
             {
                 found.push((placed.count(), view, placed.place));
@@ -64,8 +78,7 @@ pub fn expand<T: Real>(
             map.poses[view] = Some(pose);
         }
         for landmark in 0..problem.landmarks() {
-            if let Some(placed) =
-                place_landmark(problem, &map, landmark, GROWING, 1, random).first()
+            if let Some(placed) = place_landmark(problem, map, landmark, GROWING, 1, random).first()
             {
                 let known = map.landmarks[landmark].is_some();
                 if known || placed.count() >= AGREEING_OF_LANDMARK {
@@ -73,7 +86,7 @@ pub fn expand<T: Real>(
                 }
             }
         }
-        descend(problem, &mut map, GROWING, ITERATIONS, options)?;
+        descend(problem, map, GROWING, ITERATIONS, options)?;
     }
-    Ok(map)
+    Ok(())
 }

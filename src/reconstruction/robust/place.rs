@@ -43,7 +43,7 @@ impl<P, T: Real> Placed<P, T> {
 }
 
 /// Calls `visit` with all sets of `N` out of `count`, or with random ones when there are more than `most`.
-fn sets<const N: usize>(
+pub fn sets<const N: usize>(
     count: usize,
     most: usize,
     random: &mut ChaCha8Rng,

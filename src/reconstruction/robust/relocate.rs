@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Views and landmarks in other places.
 
-use super::objective::{OUTLIER, inliers};
+use super::motions::Motions;
+use super::objective::{OUTLIER, cost, inliers};
 use super::place::{Placed, place_landmark, place_view};
 use super::settle::{ITERATIONS, Settled, descend, fixed_point, settle};
 use crate::error::Error;
@@ -19,6 +20,9 @@ const PLACES: usize = 4;
 const WORSE: f64 = 2.0;
 const TRIED: usize = 24;
 
+/// Sightings that must change sides where odometry ties the views.
+const SEVERAL: usize = 3;
+
 /// Most rounds: each lowers the cost, so they end by themselves.
 const ROUNDS: usize = 10;
 
@@ -32,10 +36,19 @@ pub fn replace<T: Real>(
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
 ) -> Result<Settled<T>, Error> {
+    let motions = Motions::new(problem);
+    // Bearings alone know nothing of the motions of a view.
+    let is_better = |map: &Map<T>, view: usize, place: &Pose<T>| {
+        let cost_at = |at: &Pose<T>| motions.cost(problem, map, view, at);
+        let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
+        present.is_none_or(|present| cost_at(place) < cost_at(&present))
+    };
     for _ in 0..ROUNDS {
         let mut map = best.map.clone();
         for view in 0..problem.views() {
-            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first() {
+            if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first()
+                && is_better(&map, view, &placed.place)
+            {
                 map.poses[view] = Some(placed.place);
             }
         }
@@ -75,8 +88,11 @@ pub fn relocate<T: Real>(
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
 ) -> Result<Settled<T>, Error> {
+    // Where each try moves hundreds of views, only one that promises something is followed to its end.
+    let tied = !problem.ties().is_empty();
     for _ in 0..ROUNDS {
         let mut lower = None;
+        let limit = best.cost + T::lit(WORSE * OUTLIER * OUTLIER / 2.0);
         for (bound, place) in moves(problem, &best.map, random) {
             let mut map = best.map.clone();
             match place {
@@ -84,6 +100,9 @@ pub fn relocate<T: Real>(
                 Move::Landmark(landmark, point) => map.landmarks[landmark] = Some(point),
             }
             descend(problem, &mut map, bound, ITERATIONS, options)?;
+            if tied && cost(problem, &map, OUTLIER) > limit {
+                continue;
+            }
             lower = settle(problem, map, options)?.filter(|found| found.is_below(&best));
             if lower.is_some() {
                 break;
@@ -105,15 +124,24 @@ fn moves<T: Real>(
     random: &mut ChaCha8Rng,
 ) -> Vec<(f64, Move<T>)> {
     let mut found: Vec<(f64, f64, Move<T>)> = Vec::new();
+    let motions = Motions::new(problem);
+    // One sighting more or less is no other place where each try moves hundreds of views.
+    let least = if problem.ties().is_empty() {
+        1
+    } else {
+        SEVERAL
+    };
     for bound in BOUNDS {
-        for view in 0..problem.views() {
-            let places = others(place_view(problem, map, view, bound, PLACES, random), bound);
+        // Views with motions find their places along these.
+        for view in (0..problem.views()).filter(|&view| motions.of(view).is_empty()) {
+            let places = place_view(problem, map, view, bound, PLACES, random);
+            let places = others(places, bound, least);
             found.extend(places.map(|(worse, pose)| (worse, bound, Move::View(view, pose))));
         }
         for landmark in 0..problem.landmarks() {
             let places = place_landmark(problem, map, landmark, bound, PLACES, random);
             found.extend(
-                others(places, bound)
+                others(places, bound, least)
                     .map(|(worse, point)| (worse, bound, Move::Landmark(landmark, point))),
             );
         }
@@ -126,15 +154,27 @@ fn moves<T: Real>(
         .collect()
 }
 
-/// Places other than the present one, and by how many outliers they are worse, if not by too many.
-fn others<P, T: Real>(places: Vec<Placed<P, T>>, bound: f64) -> impl Iterator<Item = (f64, P)> {
+/// Places other than the present one, with which at least so many sightings agree that do not with that, or the
+/// reverse, and by how many outliers they are worse, if not by too many.
+fn others<P, T: Real>(
+    places: Vec<Placed<P, T>>,
+    bound: f64,
+    least: usize,
+) -> impl Iterator<Item = (f64, P)> {
     let cost = move |placed: &Placed<P, T>| placed.cost.as_f64() / (bound * bound);
     // A present place that is not among them is worse than all.
     let present = places.iter().find(|placed| placed.present);
     let now = present.or(places.last()).map_or(0.0, cost);
+    let before = present.map(|placed| placed.agreeing.clone());
+    let changes = move |placed: &Placed<P, T>| {
+        let before = before.iter().flatten();
+        let changed = before.zip(&placed.agreeing).filter(|(a, b)| a != b);
+        changed.count()
+    };
+    let is_new = present.is_none();
     places
         .into_iter()
-        .filter(|placed| !placed.present)
+        .filter(move |placed| !placed.present && (is_new || changes(placed) >= least))
         .map(move |placed| (cost(&placed) - now, placed.place))
         .filter(|(change, _)| *change < WORSE)
 }

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! One view against its neighbours in the odometry and the landmarks of the map.
+
+use super::objective::{OUTLIER, square};
+use crate::estimation::{Loss, Map, Problem, Tie};
+use crate::geometry::{Pose, pose};
+use crate::scalar::Real;
+use alloc::vec::Vec;
+use nalgebra::{Matrix3, Vector3};
+
+/// Steps of Gauss-Newton for one view.
+const STEPS: usize = 10;
+
+/// A motion from a view, as the pose of its other end in its frame.
+pub struct Motion<T: Real> {
+    pub end: usize,
+    pub delta: Pose<T>,
+    /// The root of the information, in the frame of `end` if that is where it was measured.
+    root: Matrix3<T>,
+    forward: bool,
+}
+
+/// The motions of each view.
+pub struct Motions<T: Real> {
+    of: Vec<Vec<Motion<T>>>,
+}
+
+impl<T: Real> Motions<T> {
+    pub fn new(problem: &Problem<T>) -> Self {
+        let mut of: Vec<Vec<Motion<T>>> = (0..problem.views()).map(|_| Vec::new()).collect();
+        for tie in problem.ties() {
+            let Tie::Motion {
+                start,
+                end,
+                delta,
+                root,
+            } = tie
+            else {
+                continue;
+            };
+            let root = Matrix3::from_fn(|i, j| root[i][j]);
+            for (from, end, delta, forward) in [
+                (*start, *end, *delta, true),
+                (*end, *start, delta.inverse(), false),
+            ] {
+                of[from].push(Motion {
+                    end,
+                    delta,
+                    root,
+                    forward,
+                });
+            }
+        }
+        Self { of }
+    }
+
+    pub fn of(&self, view: usize) -> &[Motion<T>] {
+        &self.of[view]
+    }
+
+    /// Twice what a view at a pose costs as long as nothing else moves: the squares of its motions to what the
+    /// map has, and of its sightings, none of which counts for more than an outlier.
+    pub fn cost(&self, problem: &Problem<T>, map: &Map<T>, view: usize, at: &Pose<T>) -> T {
+        let most = T::lit(OUTLIER * OUTLIER);
+        let mut cost = T::zero();
+        for s in problem.of_view(view) {
+            if let Some(point) = &map.landmarks[s.landmark] {
+                cost += square(problem, s, at, point).min(most);
+            }
+        }
+        for motion in &self.of[view] {
+            if let Some(other) = &map.poses[motion.end] {
+                let off = if motion.forward {
+                    (at * motion.delta).inv_mul(other)
+                } else {
+                    (other * motion.delta.inverse()).inv_mul(at)
+                };
+                cost += (motion.root * vector(&off)).norm_squared();
+            }
+        }
+        cost
+    }
+}
+
+fn vector<T: Real>(pose: &Pose<T>) -> Vector3<T> {
+    let place = &pose.translation;
+    Vector3::new(place.x, place.y, pose.rotation.angle())
+}
+
+/// The pose at the end of a motion from a known pose: the least of its square and of Cauchy's loss of the
+/// bearings of what the map has.
+///
+/// The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
+/// turns.
+pub fn moved<T: Real>(
+    problem: &Problem<T>,
+    map: &Map<T>,
+    from: &Pose<T>,
+    motion: &Motion<T>,
+) -> Pose<T> {
+    let predicted = from * motion.delta;
+    let seen: Vec<_> = problem
+        .of_view(motion.end)
+        .iter()
+        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
+        .collect();
+    let loss = Loss::Cauchy(T::lit(Loss::<T>::CAUCHY));
+    let linearize = |at: &Pose<T>| {
+        let error = motion.root * vector(&predicted.inv_mul(at));
+        let mut cost = error.norm_squared();
+        let mut gradient = motion.root.tr_mul(&error);
+        let mut normal = motion.root.tr_mul(&motion.root);
+        for (point, s) in &seen {
+            let local = at.inverse_transform_point(point);
+            let range = local.coords.norm_squared();
+            if !(range > T::zero()) {
+                continue;
+            }
+            let residual = problem.residual(at, point, s) * s.weight;
+            let (value, slope) = loss.evaluate(residual * residual);
+            let row = Vector3::new(local.y / range, -local.x / range, -T::one()) * s.weight;
+            cost += value;
+            gradient += row * (residual * slope);
+            normal += row * row.transpose() * slope;
+        }
+        (cost, gradient, normal)
+    };
+    let mut best = predicted;
+    let (mut cost, mut gradient, mut normal) = linearize(&best);
+    for _ in 0..STEPS {
+        let Some(factor) = normal.cholesky() else {
+            break;
+        };
+        let step = factor.solve(&gradient);
+        let trial = best * pose(-step.x, -step.y, -step.z);
+        let then = linearize(&trial);
+        if !(then.0 < cost) {
+            break;
+        }
+        best = trial;
+        (cost, gradient, normal) = then;
+    }
+    best
+}
