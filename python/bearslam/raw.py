@@ -42,7 +42,7 @@ class Known:
         pose_priors: PosePriors | None = None,
         landmark_priors: LandmarkPriors | None = None,
     ) -> None:
-        motions = _instance("odometry", odometry, Odometry)
+        self.odometry = motions = _instance("odometry", odometry, Odometry)
         poses = _instance("pose_priors", pose_priors, PosePriors)
         points = _instance("landmark_priors", landmark_priors, LandmarkPriors)
         views = [] if motions is None else [motions.start, motions.end]
@@ -179,6 +179,7 @@ def wrapped(known: Known, raw: RawReconstruction, alternatives: tuple[Reconstruc
         landmark_covariance=raw["landmark_covariance"],
         covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
         oriented=known.raw["oriented"],
+        odometry=known.odometry,
         view_ids=table.view_ids,
         landmark_ids=table.landmark_ids,
     )

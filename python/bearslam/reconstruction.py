@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bearslam.coerce import FloatArray
+from bearslam.priors import Odometry
 from bearslam.problem import Sightings
 
 if TYPE_CHECKING:
@@ -115,6 +116,8 @@ class Reconstruction:
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and every heading is known modulo pi only, each
         for itself: it is given in (-pi/2, pi/2], unless odometry or priors tell more.
+    odometry : Odometry or None
+        The motions that the problem came with.
     view_ids, landmark_ids : tuple of str, or None
         The names that views and landmarks have in the file that the problem came from.
     """
@@ -138,6 +141,7 @@ class Reconstruction:
     landmark_covariance: FloatArray | None = None
     covariance_frame: CovarianceFrame | None = None
     oriented: bool = True
+    odometry: Odometry | None = None
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
 
