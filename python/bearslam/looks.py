@@ -4,16 +4,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-try:
+if TYPE_CHECKING:
     from matplotlib.artist import Artist
-except ImportError:
-    raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from None
 
-__all__ = ["ESTIMATE", "HEAVY", "LINEAR", "PAPER", "RAY", "ROBOTS", "TRUTH", "WRONG", "Entry", "Look", "shrunk"]
+__all__ = [
+    "ESTIMATE",
+    "HEAVY",
+    "LINEAR",
+    "PAPER",
+    "RAY",
+    "ROBOTS",
+    "TRUTH",
+    "WRONG",
+    "Entry",
+    "Look",
+    "colors",
+    "shrunk",
+]
 
-Entry: TypeAlias = tuple[Artist | tuple[Artist, ...], str]
+Entry: TypeAlias = "tuple[Artist | tuple[Artist, ...], str]"
 """Of the legend: one symbol or several, and what they stand for."""
 
 
@@ -46,6 +57,11 @@ ROBOTS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#f0e442")
 HEAVY = 500
 """Things of a kind from which on they are drawn as pixels, in SVG and PDF as well: a vector each would make a file that
 takes long to open."""
+
+
+def colors(count: int, look: Look) -> tuple[str, ...]:
+    """Of so many robots: one each if there are several, and not too many to be told apart."""
+    return ROBOTS[:count] if 1 < count <= len(ROBOTS) else (look.color,) * count
 
 
 def shrunk(number: int, few: int, least: float) -> float:

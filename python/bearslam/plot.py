@@ -15,14 +15,15 @@ from numpy.typing import ArrayLike
 from bearslam.atomic import replacing
 from bearslam.chains import Chains, chains
 from bearslam.coerce import FloatArray
+from bearslam.drawing import central, extent, laid_over, moved, sight_lines, stretch
 from bearslam.ellipses import draw_ellipses
 from bearslam.files import kind
-from bearslam.looks import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Entry, Look, shrunk
+from bearslam.looks import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Entry, Look, colors, shrunk
 from bearslam.maps import Map, MapLike, pick, register
-from bearslam.rays import draw_outliers, draw_rays, sight_lines
+from bearslam.rays import draw_outliers, draw_rays
 from bearslam.reconstruction import outliers
 from bearslam.report import printable
-from bearslam.trajectories import MANY, colors, draw_closures, draw_ends, draw_paths, draw_triangles, headed
+from bearslam.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
 
 try:
     import matplotlib as mpl
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bearslam.align import Similarity
     from bearslam.reconstruction import Reconstruction
 
 __all__ = [
@@ -72,8 +72,6 @@ LABELLED = 30
 """Robots that are labelled; more labels than that hide the map."""
 FEW = 50
 """Landmarks above which their markers shrink."""
-SHOWN = 5.0
-"""Points that are farther from the middle than so many times most of the others are left out of the frame."""
 
 
 def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
@@ -92,7 +90,7 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
     else:
         target = pick("truth", truth, views, len(shown.landmarks))
         similarity = register(shown, target)
-        shown, stretched = _moved(shown, similarity), _stretch(similarity)
+        shown, stretched = moved(shown, similarity), stretch(similarity)
         scale = extent(target)
         if paths.robots:
             draw_paths(ax, target, paths, TRUTH, scale, arrows=False)
@@ -125,7 +123,7 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
 def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float) -> list[Entry]:
     """The estimate where there are many views, robots as lines along their odometry."""
     draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
-    own = colors(paths, ESTIMATE)
+    own = colors(len(paths.robots), ESTIMATE)
     above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # ellipses that are smaller than the markers are below them
     if len(set(own)) > 1:
         entries: list[Entry] = [(_stroke(color), f"robot {number}") for number, color in enumerate(own)]
@@ -163,44 +161,13 @@ def _stroke(color: str) -> Line2D:
     return Line2D([], [], color=color, linewidth=1.3)
 
 
-def laid_over(source: Map, target: Map) -> Map:
-    """A map moved into the frame of another, by the similarity that fits best."""
-    return _moved(source, register(source, target))
-
-
-def _moved(source: Map, similarity: Similarity) -> Map:
-    return Map(similarity.apply_poses(source.poses), similarity.apply(source.landmarks))
-
-
-def _stretch(similarity: Similarity) -> FloatArray:
-    """The matrix of a similarity, without its translation."""
-    c, s = similarity.scale * np.cos(similarity.angle), similarity.scale * np.sin(similarity.angle)
-    return np.array([[c, -s], [s, c]])
-
-
-def extent(of: Map) -> float:
-    """Length of the diagonal of the box around a map, points far from all others apart."""
-    points = _central(of)
-    return float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 1.0
-
-
 def frame(ax: Axes, drawn: Map) -> None:
     """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
-    points = _central(drawn)
+    points = central(drawn)
     if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
         margin = 0.1 * extent(drawn)
         ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
         ax.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
-
-
-def _central(of: Map) -> FloatArray:
-    points: FloatArray = np.concatenate([of.poses[:, :2], of.landmarks])
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) == 0:
-        return points
-    away = np.hypot(*(points - np.median(points, axis=0)).T)
-    central: FloatArray = points[away <= SHOWN * np.quantile(away, 0.75)]
-    return central
 
 
 def draw_names(

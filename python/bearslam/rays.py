@@ -5,12 +5,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from bearslam.coerce import FloatArray
 from bearslam.looks import HEAVY, RAY, WRONG, Entry
-from bearslam.maps import Map
 
 try:
     from matplotlib.collections import LineCollection
@@ -21,28 +17,10 @@ except ImportError:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bearslam.problem import Sightings
-
-__all__ = ["RAYS", "draw_outliers", "draw_rays", "sight_lines"]
+__all__ = ["RAYS", "draw_outliers", "draw_rays"]
 
 RAYS = 2000
 """Bearings that are drawn at most, outliers apart: more than that are a haze."""
-
-
-def sight_lines(
-    drawn: Map, sightings: Sightings, which: NDArray[np.bool_] | slice = slice(None), *, oriented: bool = True
-) -> FloatArray:
-    """Start and end (k, 2, 2) of every bearing as it was measured, from the robot as far as the landmark."""
-    poses, points = drawn.poses[sightings.view[which]], drawn.landmarks[sightings.landmark[which]]
-    start = poses[:, :2]
-    reach = np.hypot(*(points - start).T)
-    direction = poses[:, 2] + sightings.bearing[which]
-    away = np.column_stack([np.cos(direction), np.sin(direction)])
-    if not oriented:  # a line goes both ways: to where the landmark is
-        away *= np.where((away * (points - start)).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    end = start + reach[:, None] * away
-    lines: FloatArray = np.stack([start, end], axis=1)
-    return lines[np.isfinite(lines).all(axis=(1, 2))]
 
 
 def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:

@@ -156,7 +156,9 @@ class Reconstruction:
         """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
 
         Where there are covariances, positions have an ellipse that covers 95 % of a Gaussian distribution. Outliers
-        among the bearings are dashed.
+        among the bearings are dashed. More than 60 views that odometry joins are lines, one for each robot, with a
+        triangle now and then; what would hide such a map, most of the bearings and of the ellipses of views, is left
+        out, and the legend says so.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ import numpy as np
 
 from bearslam.chains import Chains, closed, pieces
 from bearslam.coerce import FloatArray, IntArray
-from bearslam.looks import ESTIMATE, HEAVY, ROBOTS, Entry, Look, shrunk
+from bearslam.looks import ESTIMATE, HEAVY, ROBOTS, Entry, Look, colors, shrunk
 from bearslam.maps import Map
 
 try:
@@ -22,7 +22,7 @@ except ImportError:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MANY", "colors", "draw_closures", "draw_ends", "draw_paths", "draw_triangles", "headed", "triangles"]
+__all__ = ["MANY", "draw_closures", "draw_ends", "draw_paths", "draw_triangles", "headed", "triangles"]
 
 MANY = 60
 """Views above which robots with odometry are drawn as lines."""
@@ -31,12 +31,6 @@ ARROWS = 24
 TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
 SIZE = 0.022
 """Of a triangle where there are few, as a share of the map."""
-
-
-def colors(of: Chains, look: Look) -> tuple[str, ...]:
-    """Of the robots: one each if there are several, and not too many to be told apart."""
-    count = len(of.robots)
-    return ROBOTS[:count] if 1 < count <= len(ROBOTS) else (look.color,) * count
 
 
 def triangles(poses: FloatArray, size: float) -> FloatArray:
@@ -69,7 +63,7 @@ def draw_triangles(ax: Axes, corners: FloatArray, look: Look, color: str | Seque
 
 def draw_paths(ax: Axes, drawn: Map, of: Chains, look: Look, scale: float, *, arrows: bool) -> None:
     """Robots as lines through their views, with a triangle now and then; views on no line are triangles."""
-    own = colors(of, look) if arrows else (look.color,) * len(of.robots)
+    own = colors(len(of.robots), look) if arrows else (look.color,) * len(of.robots)
     lone = np.ones(len(drawn.poses), dtype=bool)
     lines: list[FloatArray] = []
     views: list[IntArray] = []
@@ -113,11 +107,11 @@ def _spread(
 def draw_ends(ax: Axes, drawn: Map, of: Chains, look: Look) -> Entry:
     """Where each robot starts, hollow, and where it ends, filled."""
     size = 7.0 * shrunk(len(of.robots), len(ROBOTS), 0.4)
-    for robot, color in zip(of.robots, colors(of, look), strict=True):
+    for robot, color in zip(of.robots, colors(len(of.robots), look), strict=True):
         known = robot[np.isfinite(drawn.poses[robot, :2]).all(axis=1)]
         for view, face in zip(known[[0, -1]] if len(known) else (), ("white", color), strict=False):
             ax.add_line(_diamond(color, face, size, look.zorder + 0.2, *drawn.poses[view : view + 1, :2].T))
-    several = len(set(colors(of, look))) > 1
+    several = len(set(colors(len(of.robots), look))) > 1
     color = "black" if several else look.color
     return (_diamond(color, "white", 6.0, 0.0), _diamond(color, color, 6.0, 0.0)), "start, end"
 
