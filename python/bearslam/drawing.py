@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.coerce import FloatArray
+from bearslam.coerce import FloatArray, IntArray
 from bearslam.maps import Map, register
 
 if TYPE_CHECKING:
@@ -55,7 +55,11 @@ def central(of: Map) -> FloatArray:
 
 
 def sight_lines(
-    drawn: Map, sightings: Sightings, which: NDArray[np.bool_] | slice = slice(None), *, oriented: bool = True
+    drawn: Map,
+    sightings: Sightings,
+    which: NDArray[np.bool_] | IntArray | slice = slice(None),
+    *,
+    oriented: bool = True,
 ) -> FloatArray:
     """Start and end (k, 2, 2) of every bearing as it was measured, from the robot as far as the landmark."""
     poses, points = drawn.poses[sightings.view[which]], drawn.landmarks[sightings.landmark[which]]
