@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bearslam.coerce import FloatArray
-from bearslam.looks import HEAVY, Entry, shrunk
+from bearslam.legend import Entry
+from bearslam.looks import HEAVY, shrunk
 
 try:
     from matplotlib.collections import EllipseCollection

@@ -4,10 +4,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
 
 __all__ = [
     "ESTIMATE",
@@ -18,14 +14,10 @@ __all__ = [
     "ROBOTS",
     "TRUTH",
     "WRONG",
-    "Entry",
     "Look",
     "colors",
     "shrunk",
 ]
-
-Entry: TypeAlias = "tuple[Artist | tuple[Artist, ...], str]"
-"""Of the legend: one symbol or several, and what they stand for."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,8 @@ from bearslam.coerce import FloatArray
 from bearslam.drawing import central, extent, laid_over, moved, sight_lines, stretch
 from bearslam.ellipses import draw_ellipses
 from bearslam.files import kind
-from bearslam.looks import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Entry, Look, colors, shrunk
+from bearslam.legend import Entry, legend
+from bearslam.looks import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Look, colors, shrunk
 from bearslam.maps import Map, MapLike, pick, register
 from bearslam.rays import draw_outliers, draw_rays
 from bearslam.reconstruction import outliers
@@ -28,7 +29,6 @@ from bearslam.trajectories import MANY, draw_closures, draw_ends, draw_paths, dr
 try:
     import matplotlib as mpl
     from matplotlib.collections import LineCollection
-    from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 except ImportError:
@@ -218,18 +218,6 @@ def finish(ax: Axes, unit: str) -> None:
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-
-
-def legend(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Arguments for a legend with these entries, wherever it goes."""
-    handles, labels = zip(*entries, strict=True)
-    return {
-        "handles": handles,
-        "labels": labels,
-        "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.6)},
-        "handlelength": 2.4,
-        "frameon": False,
-    }
 
 
 def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from bearslam.coerce import FloatArray
-from bearslam.looks import HEAVY, RAY, WRONG, Entry
+from bearslam.legend import Entry
+from bearslam.looks import HEAVY, RAY, WRONG
 
 try:
     from matplotlib.collections import LineCollection

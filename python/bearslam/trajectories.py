@@ -10,7 +10,8 @@ import numpy as np
 
 from bearslam.chains import Chains, closed, pieces
 from bearslam.coerce import FloatArray, IntArray
-from bearslam.looks import ESTIMATE, HEAVY, ROBOTS, Entry, Look, colors, shrunk
+from bearslam.legend import Entry
+from bearslam.looks import ESTIMATE, HEAVY, ROBOTS, Look, colors, shrunk
 from bearslam.maps import Map
 
 try:
