@@ -39,6 +39,6 @@ def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
 def draw_outliers(ax: Axes, lines: FloatArray) -> Entry:
     """Bearings that are not explained, all of them, dashed; above the others, for they are what one looks for."""
     few = (50 / max(len(lines), 50)) ** 0.5
-    look: dict[str, Any] = {"linewidths": max(few, 0.4), "alpha": max(few, 0.4), "linestyles": (0, (4, 2))}
+    look: dict[str, Any] = {"linewidths": max(few, 0.45), "alpha": max(few, 0.6), "linestyles": (0, (4, 2))}
     ax.add_collection(LineCollection(list(lines), colors=WRONG, zorder=1.2, rasterized=len(lines) > HEAVY, **look))
     return Line2D([], [], color=WRONG, linewidth=1.0, linestyle=(0, (4, 2))), "outlier"

@@ -128,6 +128,6 @@ def draw_closures(ax: Axes, drawn: Map, of: Chains) -> list[Entry]:
     lines = closed(of, drawn.poses[:, :2])
     if len(lines) == 0:
         return []
-    look: dict[str, Any] = {"colors": "#808080", "linewidths": 0.8 * shrunk(len(lines), 50, 0.3)}
+    look: dict[str, Any] = {"colors": "#808080", "linewidths": 0.6 * shrunk(len(lines), 50, 0.4)}
     ax.add_collection(LineCollection(list(lines), zorder=ESTIMATE.zorder - 0.1, rasterized=len(lines) > HEAVY, **look))
     return [(Line2D([], [], color="#808080", linewidth=0.8), "loop closure")]
