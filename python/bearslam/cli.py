@@ -124,6 +124,9 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
         "-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv, to go on with to .g2o"
     )
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
+    verb.add_argument(
+        "--view", nargs="?", const="", metavar="OUT.rrd", help="open the map in the viewer of Rerun, or write it for it"
+    )
     verb.add_argument("--robust", action="store_true", help="expect wrong bearings: wrong landmarks, half turns, any")
     verb.add_argument("--unoriented", action="store_true", help="bearings are lines, known modulo half a turn")
     verb.add_argument(
@@ -187,6 +190,10 @@ def _solve(options: argparse.Namespace) -> None:
         from bearslam.plot import FORMATS, draw_to_file
 
         writable(options.plot, FORMATS)
+    if options.view is not None:
+        from bearslam.viewer import FORMATS as RECORDINGS
+
+        writable(options.view or None, RECORDINGS)
     if options.output is not None and same(options.output, options.file):
         raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
     problem = read_input(options)
@@ -209,6 +216,8 @@ def _solve(options: argparse.Namespace) -> None:
         result.save(options.output)
     if options.plot is not None:
         draw_to_file(result, options.plot)
+    if options.view is not None:
+        result.view(options.view or None)
     print(describe(result))
     if options.output is None:
         print("", listing(result), sep="\n")

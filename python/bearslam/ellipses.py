@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bearslam.coerce import FloatArray
+from bearslam.legend import Entry
+from bearslam.looks import HEAVY, shrunk
 
 try:
-    from matplotlib.artist import Artist
     from matplotlib.collections import EllipseCollection
     from matplotlib.lines import Line2D
 except ImportError:
@@ -27,7 +28,8 @@ RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - COVERED)))
 """The radius of that ellipse, in standard deviations: squared it is the quantile of chi-square with two degrees."""
 LARGE = 0.25
 """Half of the longer axis, as a share of the map, from which on an ellipse does not widen the picture."""
-LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00", "linewidths": 0.9}
+WIDTH = 0.9
+LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00"}
 """The orange of Okabe and Ito, which stands out from the robots and landmarks that ellipses lie over."""
 
 
@@ -37,12 +39,12 @@ def draw_ellipses(
     covariances: FloatArray,
     stretched: FloatArray,
     scale: float,
-    frame: str | None,
+    note: str,
     zorder: float,
-) -> list[tuple[Artist, str]]:
+) -> list[Entry]:
     """Ellipses around points (k, 2) for covariances (k, 2, 2), which a matrix takes into the frame of the points.
 
-    Those without bounds are left out.
+    Those without bounds are left out. The note is for the legend.
 
     Returns what the legend says of them: nothing where there are none.
     """
@@ -61,6 +63,8 @@ def draw_ellipses(
         offsets=points,
         offset_transform=ax.transData,
         zorder=zorder,
+        linewidths=WIDTH * shrunk(len(points), 70, 0.5),
+        rasterized=len(points) > HEAVY,
         **LOOK,
     )
     ellipses.set_in_layout(False)  # it is clipped, however large it is
@@ -69,7 +73,6 @@ def draw_ellipses(
     small = major < LARGE * scale
     ax.update_datalim(np.concatenate([(points - reach)[small], (points + reach)[small]]))
     ax.autoscale_view()
-    symbol = Line2D([], [], linestyle="none", marker="o", markersize=9, markeredgewidth=LOOK["linewidths"])
+    symbol = Line2D([], [], linestyle="none", marker="o", markersize=9, markeredgewidth=WIDTH)
     symbol.set(markerfacecolor=LOOK["facecolors"], markeredgecolor=LOOK["edgecolors"])
-    where = "" if frame is None else f"\n({frame.replace('_', ' ')})"
-    return [(symbol, f"{100 * COVERED:.0f} % ellipse{where}")]
+    return [(symbol, f"{100 * COVERED:.0f} % ellipse" + (f"\n({note})" if note else ""))]

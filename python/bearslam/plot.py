@@ -6,25 +6,29 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from bearslam.atomic import replacing
+from bearslam.chains import Chains, chains
 from bearslam.coerce import FloatArray
+from bearslam.drawing import central, extent, laid_over, moved, sight_lines, stretch
 from bearslam.ellipses import draw_ellipses
 from bearslam.files import kind
+from bearslam.legend import Entry, legend
+from bearslam.looks import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Look, colors, shrunk
 from bearslam.maps import Map, MapLike, pick, register
+from bearslam.rays import draw_outliers, draw_rays
 from bearslam.reconstruction import outliers
 from bearslam.report import printable
+from bearslam.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
 
 try:
     import matplotlib as mpl
-    from matplotlib.artist import Artist
-    from matplotlib.collections import LineCollection, PolyCollection
-    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 except ImportError:
@@ -34,8 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bearslam.align import Similarity
-    from bearslam.problem import Sightings
     from bearslam.reconstruction import Reconstruction
 
 __all__ = [
@@ -62,36 +64,14 @@ __all__ = [
 ]
 
 FORMATS = (".png", ".svg", ".pdf")
-Entry: TypeAlias = tuple[Artist | tuple[Artist, ...], str]
-"""Of the legend: one symbol or several, and what they stand for."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """How one map among several is drawn."""
-
-    color: str
-    marker: str
-    size: float
-    filled: bool
-    zorder: float
-
-
-# The colours are those of Okabe and Ito, which every kind of colour vision tells apart; shape and filling tell the maps
-# apart in black and white.
-TRUTH = Look("#404040", "s", 8.0, filled=False, zorder=3.0)
-PAPER = Look("#d55e00", "D", 5.0, filled=False, zorder=3.2)
-LINEAR = Look("#009e73", "P", 5.5, filled=True, zorder=3.3)
-ESTIMATE = Look("#0072b2", "o", 4.0, filled=True, zorder=3.4)
-RAY = "#56b4e9"
-WRONG = "#cc79a7"
-TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
 SIZE = (8.0, 5.0)
 """Of a figure, with room for the legend beside the map [inches]."""
+ENCIRCLED = 20
+"""Views of a long way that have an ellipse; more would hide the map."""
 LABELLED = 30
 """Robots that are labelled; more labels than that hide the map."""
-SHOWN = 5.0
-"""Points that are farther from the middle than so many times most of the others are left out of the frame."""
+FEW = 50
+"""Landmarks above which their markers shrink."""
 
 
 def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
@@ -100,106 +80,94 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
         import matplotlib.pyplot as plt
 
         _, ax = plt.subplots(figsize=SIZE, layout="constrained")
+    views = len(result.poses)
     shown = Map(result.poses, result.landmarks)
+    paths = chains(result.odometry if views > MANY else None, views)
     stretched = np.eye(2)
+    entries: list[Entry] = []
     if truth is None:
         scale = extent(shown)
-        entries = []
     else:
-        target = pick("truth", truth, len(shown.poses), len(shown.landmarks))
+        target = pick("truth", truth, views, len(shown.landmarks))
         similarity = register(shown, target)
-        shown, stretched = _moved(shown, similarity), _stretch(similarity)
+        shown, stretched = moved(shown, similarity), stretch(similarity)
         scale = extent(target)
-        entries = [draw_map(ax, target, TRUTH, "truth", scale)]
-    entries.append(draw_map(ax, shown, ESTIMATE, "estimate", scale))
+        if paths.robots:
+            draw_paths(ax, target, paths, TRUTH, scale, arrows=False)
+            entries.append(_landmarks(ax, target, TRUTH, "truth", _stroke(TRUTH.color)))
+        else:
+            entries.append(draw_map(ax, target, TRUTH, "truth", scale))
+    entries += (
+        _draw_paths(ax, shown, paths, scale) if paths.robots else [draw_map(ax, shown, ESTIMATE, "estimate", scale)]
+    )
     if result.pose_covariance is not None and result.landmark_covariance is not None:
-        covariances = np.concatenate([result.pose_covariance[:, :2, :2], result.landmark_covariance])
-        points = np.concatenate([shown.poses[:, :2], shown.landmarks])
-        frame_of = result.covariance_frame
-        entries += draw_ellipses(ax, points, covariances, stretched, scale, frame_of, ESTIMATE.zorder + 0.05)
+        every = 1 if views <= MANY else -(-views // ENCIRCLED)
+        covariances = np.concatenate([result.pose_covariance[::every, :2, :2], result.landmark_covariance])
+        points = np.concatenate([shown.poses[::every, :2], shown.landmarks])
+        of = [] if result.covariance_frame is None else [result.covariance_frame.replace("_", " ")]
+        of += [f"1 view in {every}"] if every > 1 else []
+        entries += draw_ellipses(ax, points, covariances, stretched, scale, ",\n".join(of), ESTIMATE.zorder + 0.05)
     wrong = outliers(result)
     lines, dashed = (sight_lines(shown, result.sightings, which, oriented=result.oriented) for which in (~wrong, wrong))
     entries.append(draw_rays(ax, lines, "bearing"))
     if len(dashed):
         entries.append(draw_outliers(ax, dashed))
         lines = np.concatenate([lines, dashed])
-    draw_names(ax, shown, ESTIMATE, scale, result.view_ids or range(len(shown.poses)), lines)
+    draw_names(ax, shown, ESTIMATE, scale, result.view_ids or range(views), lines)
     finish(ax, "map units" if truth is None else "m")
     frame(ax, shown)
     ax.legend(**legend(entries), loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     return ax
 
 
-def laid_over(source: Map, target: Map) -> Map:
-    """A map moved into the frame of another, by the similarity that fits best."""
-    return _moved(source, register(source, target))
-
-
-def _moved(source: Map, similarity: Similarity) -> Map:
-    return Map(similarity.apply_poses(source.poses), similarity.apply(source.landmarks))
-
-
-def _stretch(similarity: Similarity) -> FloatArray:
-    """The matrix of a similarity, without its translation."""
-    c, s = similarity.scale * np.cos(similarity.angle), similarity.scale * np.sin(similarity.angle)
-    return np.array([[c, -s], [s, c]])
-
-
-def extent(of: Map) -> float:
-    """Length of the diagonal of the box around a map, points far from all others apart."""
-    points = _central(of)
-    return float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 1.0
-
-
-def frame(ax: Axes, drawn: Map) -> None:
-    """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
-    points = _central(drawn)
-    if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
-        margin = 0.1 * extent(drawn)
-        ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
-        ax.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
-
-
-def _central(of: Map) -> FloatArray:
-    points: FloatArray = np.concatenate([of.poses[:, :2], of.landmarks])
-    points = points[np.isfinite(points).all(axis=1)]
-    if len(points) == 0:
-        return points
-    away = np.hypot(*(points - np.median(points, axis=0)).T)
-    central: FloatArray = points[away <= SHOWN * np.quantile(away, 0.75)]
-    return central
+def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float) -> list[Entry]:
+    """The estimate where there are many views, robots as lines along their odometry."""
+    draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
+    own = colors(len(paths.robots), ESTIMATE)
+    above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # ellipses that are smaller than the markers are below them
+    if len(set(own)) > 1:
+        entries: list[Entry] = [(_stroke(color), f"robot {number}") for number, color in enumerate(own)]
+        entries.append(_landmarks(ax, shown, replace(above, color="black"), "landmark"))
+    else:
+        entries = [_landmarks(ax, shown, above, "estimate", _stroke(ESTIMATE.color))]
+    entries.append(draw_ends(ax, shown, paths, ESTIMATE))
+    return entries + draw_closures(ax, shown, paths)
 
 
 def draw_map(ax: Axes, drawn: Map, look: Look, label: str, scale: float) -> Entry:
     """Robots as triangles that point where they head, landmarks as markers; what is undetermined is left out."""
-    face = look.color if look.filled else "none"
-    ax.add_collection(
-        PolyCollection(
-            list(_triangles(drawn, scale)),
-            facecolors=face,
-            edgecolors=look.color,
-            linewidths=1.1,
-            joinstyle="round",
-            zorder=look.zorder,
-        )
-    )
+    draw_triangles(ax, headed(drawn, scale), look, look.color)
+    return _landmarks(ax, drawn, look, label, _symbol(look, ">", 8.0))
 
-    def symbol(marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
-        line = Line2D(x, y, color=look.color, linestyle="none", marker=marker, markersize=size, zorder=look.zorder)
-        line.set(markerfacecolor=face, markeredgecolor=look.color, markeredgewidth=1.1)
-        return line
 
-    ax.add_line(symbol(look.marker, look.size, *drawn.landmarks.T))
+def _landmarks(ax: Axes, drawn: Map, look: Look, label: str, *before: Line2D) -> Entry:
+    """Landmarks as markers, and what the legend says of them and of what comes before them."""
+    points = drawn.landmarks[np.isfinite(drawn.landmarks).all(axis=1)]
+    size = look.size * shrunk(len(points), FEW, 0.35)
+    markers = _symbol(look, look.marker, size, *points.T)
+    markers.set_rasterized(len(points) > HEAVY)
+    ax.add_line(markers)
     ax.autoscale_view()
-    return (symbol(">", 8.0), symbol(look.marker, look.size)), label
+    return (*before, _symbol(look, look.marker, max(size, 0.6 * look.size))), label
 
 
-def _triangles(drawn: Map, scale: float) -> FloatArray:
-    """Corners (k, 3, 2) of the robots."""
-    x, y, theta = drawn.poses[np.isfinite(drawn.poses).all(axis=1)].T
-    size = 0.022 * scale * min(1.0, (10 / max(len(x), 1)) ** 0.5)
-    corners = np.exp(1j * theta)[:, None] * (TRIANGLE @ [1, 1j]) * size + (x + 1j * y)[:, None]
-    return np.stack([corners.real, corners.imag], axis=-1)
+def _symbol(look: Look, marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
+    line = Line2D(x, y, color=look.color, linestyle="none", marker=marker, markersize=size, zorder=look.zorder)
+    line.set(markerfacecolor=look.face, markeredgecolor=look.color, markeredgewidth=min(1.1, 0.3 * size))
+    return line
+
+
+def _stroke(color: str) -> Line2D:
+    return Line2D([], [], color=color, linewidth=1.3)
+
+
+def frame(ax: Axes, drawn: Map) -> None:
+    """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
+    points = central(drawn)
+    if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
+        margin = 0.1 * extent(drawn)
+        ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
+        ax.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
 
 
 def draw_names(
@@ -211,7 +179,7 @@ def draw_names(
     edges = [lines]
     points = []
     for one in (drawn, *others):
-        corners = _triangles(one, scale)
+        corners = headed(one, scale)
         edges += [np.stack([corners[:, k - 1], corners[:, k]], axis=1) for k in range(3)]
         points.append(one.landmarks)
     start, end = np.concatenate(edges).transpose(1, 0, 2)
@@ -241,37 +209,6 @@ def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
     )
 
 
-def sight_lines(
-    drawn: Map, sightings: Sightings, which: NDArray[np.bool_] | slice = slice(None), *, oriented: bool = True
-) -> FloatArray:
-    """Start and end (k, 2, 2) of every bearing as it was measured, from the robot as far as the landmark."""
-    poses, points = drawn.poses[sightings.view[which]], drawn.landmarks[sightings.landmark[which]]
-    start = poses[:, :2]
-    reach = np.hypot(*(points - start).T)
-    direction = poses[:, 2] + sightings.bearing[which]
-    away = np.column_stack([np.cos(direction), np.sin(direction)])
-    if not oriented:  # a line goes both ways: to where the landmark is
-        away *= np.where((away * (points - start)).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    end = start + reach[:, None] * away
-    lines: FloatArray = np.stack([start, end], axis=1)
-    return lines[np.isfinite(lines).all(axis=(1, 2))]
-
-
-def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
-    """Bearings as thin lines."""
-    few = min(1.0, 150 / max(len(lines), 1))
-    look = {"linewidths": max(0.7 * few, 0.3), "alpha": max(0.6 * few, 0.1)}
-    ax.add_collection(LineCollection(list(lines), colors=RAY, zorder=1.0, **look))
-    return Line2D([], [], color=RAY, linewidth=0.9), label
-
-
-def draw_outliers(ax: Axes, lines: FloatArray) -> Entry:
-    """Bearings that are not explained, dashed; above the others, for they are what one looks for."""
-    look = {"colors": WRONG, "linewidths": 1.0, "linestyles": (0, (4, 2))}
-    ax.add_collection(LineCollection(list(lines), zorder=1.2, **look))
-    return Line2D([], [], color=WRONG, linewidth=1.0, linestyle=(0, (4, 2))), "outlier"
-
-
 def finish(ax: Axes, unit: str) -> None:
     """Equal scales and named axes."""
     ax.set_aspect("equal", adjustable="box")
@@ -281,18 +218,6 @@ def finish(ax: Axes, unit: str) -> None:
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-
-
-def legend(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Arguments for a legend with these entries, wherever it goes."""
-    handles, labels = zip(*entries, strict=True)
-    return {
-        "handles": handles,
-        "labels": labels,
-        "handler_map": {tuple: HandlerTuple(ndivide=None, pad=0.6)},
-        "handlelength": 2.4,
-        "frameon": False,
-    }
 
 
 def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:

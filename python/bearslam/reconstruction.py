@@ -160,7 +160,9 @@ class Reconstruction:
         """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
 
         Where there are covariances, positions have an ellipse that covers 95 % of a Gaussian distribution. Outliers
-        among the bearings are dashed.
+        among the bearings are dashed. More than 60 views that odometry joins are lines, one for each robot, with a
+        triangle now and then; what would hide such a map, most of the bearings and of the ellipses of views, is left
+        out, and the legend says so.
 
         Parameters
         ----------
@@ -182,6 +184,35 @@ class Reconstruction:
         from bearslam.plot import plot
 
         return plot(self, ax, truth)
+
+    def view(self, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
+        """Open the map in the viewer of Rerun, or write it to a recording that the viewer opens.
+
+        The robots with their ways, the landmarks with their names and all outliers stand still. What a view sees goes
+        along a timeline of the views. The viewer's y points down: so that the map stands upright, it is given -y.
+
+        Writing a recording opens no connection. The viewer is a program of its own, and counts how it is used for its
+        makers unless ``rerun analytics disable`` has been called once.
+
+        Parameters
+        ----------
+        path : str or path-like, optional
+            Recording to write, `.rrd`; an existing file is replaced in one step. By default the viewer is opened.
+        truth : Scene, Reconstruction or (poses, landmarks), optional
+            Shown as well, in grey, and the map is laid over it by the similarity that fits best.
+
+        Raises
+        ------
+        ImportError
+            If rerun-sdk is not installed (``pip install "bearslam[viewer]"``).
+        InvalidInputError
+            If the name does not end in `.rrd`.
+        OSError
+            If it cannot be written, or the viewer cannot be opened, as without a screen.
+        """
+        from bearslam.viewer import view
+
+        view(self, path, truth)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`, and to `.g2o` these and

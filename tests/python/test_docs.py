@@ -3,6 +3,7 @@
 
 import doctest
 import importlib
+import importlib.util
 import pkgutil
 import re
 import shlex
@@ -21,6 +22,7 @@ MODULES = [
     importlib.import_module(found.name)
     for found in pkgutil.walk_packages(bearslam.__path__, "bearslam.")
     if found.name not in ("bearslam.__main__", "bearslam._core")
+    and (found.name != "bearslam.viewer" or importlib.util.find_spec("rerun") is not None)
 ]
 
 
