@@ -6,9 +6,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from bearslam import map_file, sightings_file
+from bearslam import map_file, mrclam, sightings_file
 from bearslam.atomic import replacing
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Problem, ProblemLike
@@ -21,8 +21,8 @@ MAPS = (".json", ".csv")
 """Endings of the files that hold maps."""
 
 
-def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
-    r"""Read sightings from a CSV file.
+def load(path: str | os.PathLike[str] | BinaryIO, **options: Any) -> Problem:
+    r"""Read sightings from a CSV file, or from a folder of the UTIAS MRCLAM data sets.
 
     The first line names the columns, in any order: ``view``, ``landmark``, ``bearing`` [rad] or ``bearing_deg``, and if
     need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and are numbered in the order in
@@ -32,11 +32,13 @@ def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
     ----------
     path : str, path or binary file
         What to read, in UTF-8.
+    **options
+        For folders, those of `bearslam.mrclam.read`: ``robots``, ``start``, ``end``, ``every`` and more.
 
     Returns
     -------
     Problem
-        The sightings and the names.
+        The sightings and the names, and the odometry of a folder.
 
     Raises
     ------
@@ -55,6 +57,10 @@ def load(path: str | os.PathLike[str] | BinaryIO) -> Problem:
     >>> problem.landmark_ids, problem.sightings.bearing.round(4)
     (('door', 'window'), array([ 1.5708, -0.5236]))
     """
+    if isinstance(path, str | os.PathLike) and Path(path).is_dir():
+        return mrclam.read(path, **options)
+    if options:
+        raise InvalidInputError(f"{next(iter(options))}: is for folders, got a file")
     if isinstance(path, str | os.PathLike):
         name, data = os.fspath(path), Path(path).read_bytes()
     else:
