@@ -12,18 +12,19 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from bearslam import cli_diagnose, cli_sweep
+from bearslam import cli_diagnose, cli_folder, cli_sweep
 from bearslam._core import __version__
 from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
-from bearslam.files import MAPS, load, save, save_truth
+from bearslam.files import MAPS, RESULTS, load, save, save_truth
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
 from bearslam.reconstruction import FRAMES
-from bearslam.report import describe, listing, percent
+from bearslam.report import describe, errors, listing, percent
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
 from bearslam.solve import LOSSES, METHODS, solve
+from bearslam.truth import load_truth
 
 __all__ = ["main"]
 
@@ -119,7 +120,11 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verb.add_argument("file", metavar="FILE", help="CSV file of bearings; - is standard input")
-    verb.add_argument("-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv")
+    verb.add_argument(
+        "-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv, or .tum"
+    )
+    verb.add_argument("--robot", metavar="NAME", help="whose trajectory to write to .tum, if there are several robots")
+    verb.add_argument("--truth", metavar="PATH", help="print and draw errors against a map: .json, .csv or a folder")
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
     verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing")
     verb.add_argument("--robust", action="store_true", help="expect wrong bearings: wrong landmarks, half turns, any")
@@ -145,6 +150,7 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
             default=default,
             help=f"{text} (default: %(default)s)",
         )
+    cli_folder.add(verb)
     verb.set_defaults(run=_solve)
 
 
@@ -180,7 +186,7 @@ def _add_demo(verbs: argparse._SubParsersAction[_Parser]) -> None:
 
 
 def _solve(options: argparse.Namespace) -> None:
-    writable(options.output, MAPS)
+    writable(options.output, RESULTS)
     if options.plot is not None:
         from bearslam.plot import FORMATS, draw_to_file
 
@@ -188,11 +194,14 @@ def _solve(options: argparse.Namespace) -> None:
     if options.output is not None and same(options.output, options.file):
         raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
     if options.file != "-":
-        problem = load(options.file)
+        problem = load(options.file, **cli_folder.options(options))
     elif sys.stdin is not None:
         problem = load(sys.stdin.buffer)
     else:
         raise InvalidInputError("-: standard input is closed")
+    for remark in problem.remarks:
+        complain(f"note: {remark}")
+    truth = None if options.truth is None else load_truth(options.truth, problem)
     needing = "--robust" if options.robust else None if options.loss == "squared" else f"--loss {options.loss}"
     if needing and options.sigma_deg is None and problem.sightings.sigma is None:
         raise InvalidInputError(
@@ -210,10 +219,12 @@ def _solve(options: argparse.Namespace) -> None:
             **{name: getattr(options, name) for name in TUNING},
         )
     if options.output is not None:
-        result.save(options.output)
+        result.save(options.output, robot=options.robot)
     if options.plot is not None:
-        draw_to_file(result, options.plot)
+        draw_to_file(result, options.plot, truth)
     print(describe(result))
+    if truth is not None:
+        print(errors(result, truth))
     if options.output is None:
         print("", listing(result), sep="\n")
     if not result.converged:

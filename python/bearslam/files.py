@@ -8,17 +8,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from bearslam import map_file, mrclam, sightings_file
+from bearslam import map_file, mrclam, sightings_file, tum_file
 from bearslam.atomic import replacing
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Problem, ProblemLike
 from bearslam.reconstruction import Reconstruction
 from bearslam.simulate import Scene
 
-__all__ = ["MAPS", "kind", "load", "save", "save_truth"]
+__all__ = ["MAPS", "RESULTS", "kind", "load", "save", "save_truth"]
 
 MAPS = (".json", ".csv")
 """Endings of the files that hold maps."""
+RESULTS = (*MAPS, ".tum")
+"""Endings of what a reconstruction is written to."""
 
 
 def load(path: str | os.PathLike[str] | BinaryIO, **options: Any) -> Problem:
@@ -68,7 +70,7 @@ def load(path: str | os.PathLike[str] | BinaryIO, **options: Any) -> Problem:
     return sightings_file.parse(data, name)
 
 
-def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> None:
+def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
     """Write sightings to a CSV file that `load` reads, or a reconstruction as `Reconstruction.save` does.
 
     Parameters
@@ -76,13 +78,16 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     what : Problem, Sightings, (m, n) array_like of float, or Reconstruction
         What to write. Without names, views and landmarks go by their numbers.
     path : str or path
-        Ends in ``.csv``, or in ``.json`` for a reconstruction with all that belongs to it. An existing file is replaced
-        in one step, never left half written.
+        Ends in ``.csv``, or in ``.json`` for a reconstruction with all that belongs to it, or in ``.tum`` for the
+        trajectory of a reconstruction or of the start of a problem. An existing file is replaced in one step, never
+        left half written.
+    robot : str or int, optional
+        For ``.tum``: whose views to write, if the names of views, ``robot@time``, are of several robots.
 
     Raises
     ------
     InvalidInputError
-        If the name ends in something else, or `what` is none of these.
+        If the name ends in something else, `what` is none of these, or it takes a robot to write a trajectory.
     OSError
         If the file cannot be written.
 
@@ -97,10 +102,14 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     ...     load(path)
     <Problem: 36 of 9 landmarks from 4 views>
     """
-    if not isinstance(what, Reconstruction):
+    if Path(path).suffix.lower() == ".tum":
+        text = tum_file.render(what, robot)
+    elif robot is not None:
+        raise InvalidInputError(f"robot: is for a trajectory, a name that ends in .tum, got {os.fspath(path)!r}")
+    elif not isinstance(what, Reconstruction):
         kind(path, (".csv",))
         text = sightings_file.render(what)
-    elif kind(path, MAPS) == ".csv":
+    elif kind(path, RESULTS) == ".csv":
         text = map_file.as_csv(what, what.view_ids, what.landmark_ids)
     else:
         text = map_file.as_json(what)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from bearslam.coerce import quote
 from bearslam.errors import InvalidInputError
 from bearslam.problem import Problem, ProblemLike, Sightings, tabulate
+from bearslam.text import decode
 
 __all__ = ["parse", "render", "row"]
 
@@ -21,11 +22,7 @@ TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
 
 def parse(data: bytes, name: str) -> Problem:
     """Sightings from the content of a file of that name."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InvalidInputError(f"{name}:{line}: expected text in UTF-8, got byte {data[error.start]:#04x}") from None
+    text = decode(data, name)
     rows = _rows(text, name)
     try:
         number, header = next(rows)
