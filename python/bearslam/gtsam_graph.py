@@ -7,7 +7,6 @@ import importlib
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bearslam.coerce import FloatArray
 from bearslam.reconstruction import Reconstruction, per_sighting
@@ -35,8 +34,8 @@ class _Builder:
     def __init__(self, result: Reconstruction, gtsam: Any) -> None:
         self.result, self.gtsam = result, gtsam
         self.graph = gtsam.NonlinearFactorGraph()
-        self.views: NDArray[np.bool_] = np.isfinite(result.poses).all(axis=1)
-        self.landmarks: NDArray[np.bool_] = np.isfinite(result.landmarks).all(axis=1)
+        self.views = ~np.isnan(result.poses[:, 0])
+        self.landmarks = ~np.isnan(result.landmarks[:, 0])
         points = np.concatenate([result.poses[self.views, :2], result.landmarks[self.landmarks]])
         self.middle = points.mean(axis=0)
         self.size = float(np.sqrt(((points - self.middle) ** 2).sum(axis=1).mean()))

@@ -215,14 +215,14 @@ class Reconstruction:
         for numbers. What is undetermined is left out, with all that belongs to it; so are outliers.
 
         - A sighting is a ``BearingFactor2D``. A bearing that is a line is that end of it that the landmark is on.
-        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam the error's
-          x, y and theta; the two agree to first order in the error of the heading.
-        - A prior of a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D``, of what is known of it; with a
-          covariance it is a ``PriorFactorPose2``, to first order as with motions. One of a landmark is a
+        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam x, y and
+          theta of it; the two agree to first order in theta.
+        - A prior of a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` of what is known of it; with a
+          covariance a ``PriorFactorPose2``, the same to first order as with motions. One of a landmark is a
           ``PriorFactorPoint2``.
-        - What all these leave open of place, rotation and scale is held where it is by priors on the first view and, for
-          the scale, by a range from it to the farthest, tightly: 1e-4 rad, and 1e-4 of the size of the map. They cost
-          nothing in the map, so that the optimum is the same with and without them.
+        - What all these leave open of place, rotation and scale is held as it is: by priors on the first view, and the
+          scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the map, and
+          cost nothing in the map, so that the optimum is what it would be without.
 
         Every factor counts with its square, whatever the loss was.
 
