@@ -11,6 +11,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError
+from bearslam.cli import main
 from bearslam.mrclam import OdometryNoise, read
 
 T0 = 1248446190.0
@@ -340,6 +341,17 @@ def test_empty_binary_and_damaged_files(tmp_path, name):
             read_all()
 
 
+def test_command_line(folder, capsys):
+    truth = ["--truth", str(folder)]
+    assert main(["solve", str(folder), "--robots", "2", "--start", "2", "--end", "9.5", "--every", "1.5", *truth]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("4 views, 6 landmarks, 24 sightings\n")
+    assert "errors, laid over the truth: 6 landmarks" in out
+    assert "note: 24 sightings left out of views less than 1.5 s after the one before" in err
+    assert main(["solve", str(folder / "Barcodes.dat"), "--every", "1"]) == 1
+    assert "every: is for folders" in capsys.readouterr().err
+
+
 @real
 def test_set_7_whole():
     problem = bearslam.load(SHARED)
@@ -411,3 +423,17 @@ def test_set_7_five_robots_jointly(loss):
         share = np.sqrt((missed**2).sum() / ((truth - truth.mean(axis=0)) ** 2).sum())
         assert share < 0.035
         assert fit.scale == pytest.approx(1.0, abs=0.1)
+
+
+@real
+def test_set_7_in_gtsam():
+    gtsam = pytest.importorskip("gtsam", reason="GTSAM is not installed: pip install gtsam")
+    problem = bearslam.load(SHARED, end=300.0, every=1.0)
+    result = bearslam.solve(problem)
+    graph, values = result.to_gtsam()
+    # The logarithm of the error of a motion differs by half the error of the heading, up to 0.1 rad here.
+    assert graph.error(values) == pytest.approx(result.cost, rel=0.02)
+    found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    assert graph.error(found) == pytest.approx(result.cost, rel=0.02)
+    # The least cost is hardly below that of our map, in their terms too.
+    assert graph.error(found) == pytest.approx(graph.error(values), rel=1e-3)
