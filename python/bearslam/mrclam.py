@@ -224,7 +224,9 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> Table:
     """Numbers of one file of a folder, all finite, the first column in order if it is the time."""
     path = _path(folder, name)
     if path is None:
-        raise InvalidInputError(f"{os.fspath(folder)}: expected a file {name} or {name}.gz, got neither")
+        raise InvalidInputError(
+            f"{os.fspath(folder)}: expected a file {name} or {name}.gz, as a UTIAS MRCLAM data set has, got neither"
+        )
     text = _text(path)
     shown = os.fspath(path)
     values = _numbers(shown, text, columns)

@@ -234,7 +234,7 @@ def test_residuals_of_a_table_are_saved_sighting_by_sighting(tmp_path):
 
 @pytest.mark.parametrize("name", ["map.txt", "map", "map.json.gz"])
 def test_other_endings_are_refused(result, tmp_path, name):
-    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .json or .csv, got"):
+    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .json or .csv or .tum, got"):
         result.save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 

@@ -310,7 +310,9 @@ def test_missing_files(tmp_path, name):
     content = files()
     del content[name]
     write(tmp_path, content)
-    with pytest.raises(InvalidInputError, match=rf"expected a file {name} or {name}.gz, got neither"):
+    with pytest.raises(
+        InvalidInputError, match=rf"expected a file {name} or {name}.gz, as a UTIAS MRCLAM data set has, got"
+    ):
         bearslam.load(tmp_path)
 
 
