@@ -371,7 +371,6 @@ def _views(
     begin = np.array(starts, dtype=np.int64)
     view = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(time))))
     _, first = np.unique(np.stack([view, subject]), axis=1, return_index=True)
-    first.sort()
     left_out["second"] += len(view) - len(first)
     view, subject, bearing = view[first], subject[first], bearing[first]
 

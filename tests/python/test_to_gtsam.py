@@ -140,6 +140,41 @@ def test_known_poses(sigma):
 
 
 @needs_gtsam
+def test_one_known_coordinate_leaves_the_other_open():
+    scene = bearslam.simulate("enclosed", 8, 12, noise=NOISE, seed=3)
+    priors = bearslam.PosePriors([2], scene.poses[[2]], sigma=[0.01, np.inf, np.inf])
+    graph, _ = check(bearslam.solve(scene.bearings, sigma=NOISE, pose_priors=priors))
+    assert kinds(graph) == {
+        "BearingFactor2D": 96,
+        "PoseRotationPrior2D": 1,
+        "PoseTranslationPrior2D": 2,
+        "RangeFactorPose2": 1,
+    }
+
+
+@needs_gtsam
+def test_everything_at_once():
+    """Lines, outliers, odometry and a known pose."""
+    scene = bearslam.simulate("trajectory", 30, 20, noise=NOISE, seed=4, sight=3.5)
+    bearings = scene.bearings % np.pi
+    view, landmark = np.argwhere(np.isfinite(bearings))[50]
+    bearings[view, landmark] += 0.5
+    result = bearslam.solve(
+        bearings,
+        sigma=NOISE,
+        oriented=False,
+        robust=True,
+        odometry=scene.odometry(SIGMA, seed=1),
+        pose_priors=bearslam.PosePriors([3], scene.poses[[3]], sigma=[0.01, 0.01, 0.01]),
+    )
+    wrong = int((~result.inliers & np.isfinite(result.residuals)).sum())
+    assert wrong >= 1
+    graph, _ = check(result, rel=3e-3, extra=4.5 * wrong)
+    assert {"PoseRotationPrior2D", "PoseTranslationPrior2D", "BetweenFactorPose2"} < set(kinds(graph))
+    assert "RangeFactorPose2" not in kinds(graph)
+
+
+@needs_gtsam
 def test_known_poses_with_covariances():
     """Theirs is the logarithm of the error, so that the costs agree only to first order."""
     scene = bearslam.simulate("enclosed", 8, 12, noise=NOISE, seed=3)
