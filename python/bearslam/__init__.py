@@ -35,6 +35,7 @@ from bearslam.three_view import (
     trifocal_tensor,
 )
 from bearslam.triangulate import triangulate
+from bearslam.truth import load_truth
 
 __all__ = [
     "BearslamError",
@@ -63,6 +64,7 @@ __all__ = [
     "epipoles",
     "initialize",
     "load",
+    "load_truth",
     "refine",
     "resect",
     "save",

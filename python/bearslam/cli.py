@@ -17,13 +17,14 @@ from bearslam._core import __version__
 from bearslam.cli_input import INPUT, add_input, read_input
 from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
-from bearslam.files import MAPS, TRUTHS, save, save_truth
+from bearslam.files import RESULTS, TRUTHS, save, save_truth
 from bearslam.progress import ProgressLine
 from bearslam.reconstruction import FRAMES
-from bearslam.report import describe, listing, percent
+from bearslam.report import describe, errors, listing, percent
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
 from bearslam.solve import LOSSES, METHODS, solve
+from bearslam.truth import load_truth
 
 __all__ = ["main"]
 
@@ -121,7 +122,14 @@ def _add_solve(verbs: argparse._SubParsersAction[_Parser]) -> None:
     )
     add_input(verb)
     verb.add_argument(
-        "-o", "--output", metavar="OUT", help="write the map: all of it to .json, points to .csv, to go on with to .g2o"
+        "-o",
+        "--output",
+        metavar="OUT",
+        help="write the map: all of it to .json, points to .csv, to go on with to .g2o, a trajectory to .tum",
+    )
+    verb.add_argument("--robot", metavar="NAME", help="whose trajectory to write to .tum, if there are several robots")
+    verb.add_argument(
+        "--truth", metavar="PATH", help="print and draw errors against a map: .json, .csv, .g2o or a folder"
     )
     verb.add_argument("--plot", metavar="OUT", help="draw the map: .png, .svg or .pdf")
     verb.add_argument(
@@ -185,7 +193,7 @@ def _add_demo(verbs: argparse._SubParsersAction[_Parser]) -> None:
 
 
 def _solve(options: argparse.Namespace) -> None:
-    writable(options.output, MAPS)
+    writable(options.output, RESULTS)
     if options.plot is not None:
         from bearslam.plot import FORMATS, draw_to_file
 
@@ -197,6 +205,7 @@ def _solve(options: argparse.Namespace) -> None:
     if options.output is not None and same(options.output, options.file):
         raise InvalidInputError(f"{options.output}: the map would replace the bearings that it is made from")
     problem = read_input(options)
+    truth = None if options.truth is None else load_truth(options.truth, problem)
     needing = "--robust" if options.robust else None if options.loss == "squared" else f"--loss {options.loss}"
     if needing and problem.sightings.sigma is None:
         raise InvalidInputError(
@@ -213,12 +222,14 @@ def _solve(options: argparse.Namespace) -> None:
             **{name: getattr(options, name) for name in TUNING},
         )
     if options.output is not None:
-        result.save(options.output)
+        result.save(options.output, robot=options.robot)
     if options.plot is not None:
-        draw_to_file(result, options.plot)
+        draw_to_file(result, options.plot, truth)
     if options.view is not None:
-        result.view(options.view or None)
+        result.view(options.view or None, truth)
     print(describe(result))
+    if truth is not None:
+        print(errors(result, truth))
     if options.output is None:
         print("", listing(result), sep="\n")
     if not result.converged:

@@ -12,6 +12,7 @@ from bearslam.console import complain
 from bearslam.errors import InvalidInputError
 from bearslam.files import FORMATS, load
 from bearslam.graph_file import NOISES
+from bearslam.mrclam import ROBOTS
 from bearslam.problem import Problem, Sightings
 
 __all__ = ["INPUT", "add_input", "read_input"]
@@ -19,8 +20,10 @@ __all__ = ["INPUT", "add_input", "read_input"]
 INPUT = """\
 FILE is CSV with a header that names the columns view, landmark, bearing [radians] or bearing_deg and, if need be, sigma
 [radians] or sigma_deg; or a graph of g2o (.g2o), TORO or GTSAM (.graph, .toro, .txt). Any of them may be compressed
-(.gz). Lines that start with # are comments.
+(.gz). Lines that start with # are comments. Or it is a folder of a UTIAS MRCLAM data set.
 """
+FOLDER = ("robots", "start", "end", "every")
+"""Options for folders, as `load` takes them."""
 
 
 def add_input(verb: argparse.ArgumentParser) -> None:
@@ -44,6 +47,11 @@ def add_input(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--bearings-only", action="store_true", help="leave out odometry, known poses and landmarks, start"
     )
+    group = verb.add_argument_group("folders of the UTIAS MRCLAM data sets")
+    group.add_argument("--robots", type=int, nargs="+", choices=ROBOTS, metavar="N", help="which robots (default: all)")
+    group.add_argument("--start", type=float, metavar="S", help="leave out what is earlier after the first measurement")
+    group.add_argument("--end", type=float, metavar="S", help="leave out what is not earlier than that")
+    group.add_argument("--every", type=float, metavar="S", help="least time between views of a robot (default: none)")
 
 
 def read_input(options: argparse.Namespace) -> Problem:
@@ -62,7 +70,8 @@ def read_input(options: argparse.Namespace) -> Problem:
     deviation = options.sigma_deg
     if deviation is not None and not 0 < deviation < math.inf:
         raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {deviation:g}")
-    problem = load(source, format=options.format, noise=options.noise, sensor=sensor)
+    folder = {name: getattr(options, name) for name in FOLDER if getattr(options, name) is not None}
+    problem = load(source, format=options.format, noise=options.noise, sensor=sensor, **folder)
     for remark in problem.remarks:
         complain(f"note: {remark}")
     if options.bearings_only:

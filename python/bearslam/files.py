@@ -3,19 +3,17 @@
 
 from __future__ import annotations
 
-import gzip
-import io
 import os
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import BinaryIO, Literal, TypeAlias, get_args
+from typing import Any, BinaryIO, Literal, TypeAlias, get_args
 
 from numpy.typing import ArrayLike
 
-from bearslam import g2o_file, graph_file, map_file, sightings_file
+from bearslam import g2o_file, graph_file, map_file, mrclam, sightings_file, tum_file
 from bearslam.atomic import replacing
 from bearslam.coerce import choice
+from bearslam.compressed import GZIP, decompressed
 from bearslam.errors import InvalidInputError
 from bearslam.graph_file import NoiseFormat
 from bearslam.mounting import mounted
@@ -23,7 +21,7 @@ from bearslam.problem import Problem, ProblemLike
 from bearslam.reconstruction import Reconstruction
 from bearslam.simulate import Scene
 
-__all__ = ["FORMATS", "MAPS", "PROBLEMS", "TRUTHS", "Format", "kind", "load", "save", "save_truth"]
+__all__ = ["FORMATS", "MAPS", "PROBLEMS", "RESULTS", "TRUTHS", "Format", "kind", "load", "save", "save_truth"]
 
 Format: TypeAlias = Literal["csv", "g2o", "graph"]
 """What `load` reads."""
@@ -35,11 +33,10 @@ PROBLEMS = (".csv", ".g2o")
 """Endings of the files that problems are written to."""
 MAPS = (".json", ".csv", ".g2o")
 """Endings of the files that hold maps."""
+RESULTS = (*MAPS, ".tum")
+"""Endings of what a reconstruction is written to."""
 TRUTHS = (".json", ".csv")
 """Endings of the files that hold the truth of a scene."""
-GZIP = b"\x1f\x8b"
-LIMIT = 2**31
-"""Bytes of a file that was compressed, beyond which it is not read."""
 
 
 def load(
@@ -48,8 +45,9 @@ def load(
     format: Format | None = None,  # noqa: A002
     noise: NoiseFormat = "auto",
     sensor: ArrayLike | None = None,
+    **folder: Any,
 ) -> Problem:
-    r"""Read a problem from a file: CSV, g2o, or a text graph of TORO or GTSAM, each of them compressed by gzip or not.
+    r"""Read a problem: CSV, g2o, or a text graph of TORO or GTSAM, each compressed by gzip or not; a folder of MRCLAM.
 
     A CSV file has sightings only. Its first line names the columns, in any order: ``view``, ``landmark``, ``bearing``
     [rad] or ``bearing_deg``, and if need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and
@@ -73,6 +71,9 @@ def load(
         Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, where the file has positions of
         landmarks in the latter. The views are then poses of the sensor, and bearings those that it has seen [length,
         rad].
+    **folder
+        For folders of the UTIAS MRCLAM data sets, the options of `bearslam.mrclam.read`: ``robots``, ``start``,
+        ``end``, ``every`` and more.
 
     Returns
     -------
@@ -104,6 +105,13 @@ def load(
     if format is not None:
         choice("format", format, FORMATS)
     choice("noise", noise, graph_file.NOISES)
+    if isinstance(path, str | os.PathLike) and Path(path).is_dir():
+        for name, given in (("format", format is not None), ("noise", noise != "auto"), ("sensor", sensor is not None)):
+            if given:
+                raise InvalidInputError(f"{name}: is for files, got the folder {os.fspath(path)!r}")
+        return mrclam.read(path, **folder)
+    if folder:
+        raise InvalidInputError(f"{next(iter(folder))}: is for folders, got a file")
     if isinstance(path, str | os.PathLike):
         name, data = os.fspath(path), Path(path).read_bytes()
         suffixes = [suffix.lower() for suffix in Path(path).suffixes]
@@ -112,7 +120,7 @@ def load(
     else:
         name, data, ending, compressed = str(getattr(path, "name", "<file>")), path.read(), "", False
     if compressed or data.startswith(GZIP):
-        data = _decompressed(data, name)
+        data = decompressed(data, name)
     found = format or ENDINGS.get(ending) or _guess(data)
     if found is None and ending == ".txt":
         raise InvalidInputError(
@@ -128,7 +136,7 @@ def load(
     return problem if sensor is None else mounted(problem, sensor)
 
 
-def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> None:
+def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
     """Write a problem to a file that `load` reads, or a reconstruction as `Reconstruction.save` does.
 
     Parameters
@@ -139,12 +147,16 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     path : str or path
         Ends in ``.g2o`` for all that a problem has, where sightings have standard deviations; or in ``.csv`` for
         sightings alone. For a reconstruction ``.json`` has all that belongs to it, ``.csv`` the map, and ``.g2o`` the
-        map and what it was made from, to go on with. An existing file is replaced in one step, never left half written.
+        map and what it was made from, to go on with. ``.tum`` has the trajectory of a reconstruction, or of the start
+        of a problem. An existing file is replaced in one step, never left half written.
+    robot : str or int, optional
+        For ``.tum``: whose views to write, if the names of views, ``robot@time``, are of several robots.
 
     Raises
     ------
     InvalidInputError
-        If the name ends in something else, the format cannot hold all of `what`, or `what` is none of these.
+        If the name ends in something else, the format cannot hold all of `what`, `what` is none of these, or it takes a
+        robot to write a trajectory.
     OSError
         If the file cannot be written.
 
@@ -159,8 +171,12 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str]) -> No
     ...     load(path)
     <Problem: 36 of 9 landmarks from 4 views>
     """
-    ending = kind(path, MAPS if isinstance(what, Reconstruction) else PROBLEMS)
-    if ending == ".g2o":
+    ending = kind(path, RESULTS if isinstance(what, Reconstruction) else (*PROBLEMS, ".tum"))
+    if robot is not None and ending != ".tum":
+        raise InvalidInputError(f"robot: is for a trajectory, a name that ends in .tum, got {os.fspath(path)!r}")
+    if ending == ".tum":
+        text = tum_file.render(what, robot)
+    elif ending == ".g2o":
         text = g2o_file.render(what)
     elif not isinstance(what, Reconstruction):
         text = sightings_file.render(what)
@@ -192,17 +208,6 @@ def _write(path: str | os.PathLike[str], text: str) -> None:
         raise InvalidInputError(f"path: expected names that UTF-8 has letters for, got {wrong!r} in one") from None
     with replacing(path) as file:
         file.write(data)
-
-
-def _decompressed(data: bytes, name: str) -> bytes:
-    try:
-        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-            content = file.read(LIMIT + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InvalidInputError(f"{name}: expected a whole gzip file: {error}") from None
-    if len(content) > LIMIT:
-        raise InvalidInputError(f"{name}: expected at most {LIMIT} bytes when decompressed, got more")
-    return content
 
 
 def _guess(data: bytes) -> Format | None:

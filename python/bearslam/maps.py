@@ -45,14 +45,17 @@ class Errors:
     Attributes
     ----------
     position, landmark : float
-        Of the views' and the landmarks' positions [length of the truth].
+        Of the views' and the landmarks' positions [length of the truth]. NaN where there are none to compare.
     heading : float
         Of the views' headings [rad].
+    radius : float
+        Root-mean-square distance of the true landmarks that were compared from their middle [length of the truth].
     """
 
     position: float
     landmark: float
     heading: float
+    radius: float
 
 
 def pick(name: str, value: MapLike, views: int | None = None, landmarks: int | None = None) -> Map:
@@ -77,6 +80,10 @@ def register(source: Map, target: Map) -> Similarity:
     """Similarity that takes all points of one map, of views and landmarks alike, closest to those of another."""
     points = [np.concatenate([one.poses[:, :2], one.landmarks]) for one in (source, target)]
     known = np.isfinite(points[0] + points[1]).all(axis=1)
+    if known.sum() < 2:
+        raise InvalidInputError(
+            f"truth: expected places of two views or landmarks of the map, or more, got {int(known.sum())}"
+        )
     return align(points[0][known], points[1][known])
 
 
@@ -87,9 +94,12 @@ def compare(estimate: MapLike, truth: MapLike) -> Errors:
     similarity = register(source, target)
     views = similarity.apply_poses(source.poses) - target.poses
     landmarks = similarity.apply(source.landmarks) - target.landmarks
-    return Errors(_rms(views[:, :2]), _rms(landmarks), _rms(wrap(views[:, 2:])))
+    compared = target.landmarks[np.isfinite(landmarks).all(axis=1)]
+    around = compared - compared.mean(axis=0) if len(compared) else compared
+    return Errors(_rms(views[:, :2]), _rms(landmarks), _rms(wrap(views[:, 2:])), _rms(around))
 
 
 def _rms(rows: FloatArray) -> float:
     square = (rows**2).sum(axis=1)
-    return float(np.sqrt(square[np.isfinite(square)].mean()))
+    known = square[np.isfinite(square)]
+    return float(np.sqrt(known.mean())) if len(known) else float("nan")

@@ -220,13 +220,13 @@ def finish(ax: Axes, unit: str) -> None:
         ax.spines[side].set_visible(False)
 
 
-def draw_to_file(result: Reconstruction, path: str | os.PathLike[str]) -> None:
-    """Draw a reconstruction into a file."""
+def draw_to_file(result: Reconstruction, path: str | os.PathLike[str], truth: MapLike | None = None) -> None:
+    """Draw a reconstruction into a file, over the truth where there is one."""
     from matplotlib.figure import Figure
 
     width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
     figure = Figure(figsize=(width, 5.0), layout="constrained")
-    plot(result, figure.add_subplot())
+    plot(result, figure.add_subplot(), truth)
     save_figure(figure, path)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,8 @@ class Undetermined:
 @dataclass(frozen=True, eq=False, repr=False)
 class Reconstruction:
     """A map, and how well it explains the bearings.
+
+    `plot` draws it, `save` writes it to a file, and `to_gtsam` hands it over to GTSAM.
 
     Attributes
     ----------
@@ -214,22 +216,61 @@ class Reconstruction:
 
         view(self, path, truth)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
         """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`, and to `.g2o` these and
-        what they were made from, to go on with in other programs.
+        what they were made from, to go on with in other programs; the trajectory of a robot to `.tum`.
 
         An existing file is replaced in one step, never left half written.
+
+        Parameters
+        ----------
+        path : str or path
+            Where to.
+        robot : str or int, optional
+            For `.tum`: whose views to write, if the names of views, ``robot@time``, are of several robots.
 
         Raises
         ------
         InvalidInputError
-            If the name ends in none of these.
+            If the name ends in none of these, or it takes a robot to write a trajectory.
         OSError
             If it cannot be written.
         """
         from bearslam.files import save
 
-        save(self, path)
+        save(self, path, robot=robot)
+
+    def to_gtsam(self) -> tuple[Any, Any]:
+        """Hand the map over to GTSAM: factors and initial values, which GTSAM optimises at once.
+
+        Views have the keys ``symbol("x", i)``, landmarks ``symbol("l", j)``, with the rows of `poses` and `landmarks`
+        for numbers. What is undetermined is left out, with all that belongs to it; so are outliers.
+
+        - A sighting is a ``BearingFactor2D``. A bearing that is a line is that end of it that the landmark is on.
+        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam x, y and
+          theta of it; the two agree to first order in theta.
+        - A prior of a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` of what is known of it; with a
+          covariance a ``PriorFactorPose2``, the same to first order as with motions. One of a landmark is a
+          ``PriorFactorPoint2``.
+        - What all these leave open of place, rotation and scale is held as it is: by priors on the first view, and the
+          scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the map, and
+          cost nothing in the map, so that the optimum is what it would be without.
+
+        Every factor counts with its square, whatever the loss was.
+
+        Returns
+        -------
+        gtsam.NonlinearFactorGraph, gtsam.Values
+            The problem, and the map.
+
+        Raises
+        ------
+        ImportError
+            If GTSAM is not installed (``pip install gtsam``).
+        """
+        from bearslam.gtsam_graph import to_gtsam
+
+        return to_gtsam(self)
 
 
 def per_sighting(result: Reconstruction, values: NDArray[Entry]) -> NDArray[Entry]:

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from bearslam.maps import Map, compare
 from bearslam.reconstruction import Reconstruction, outliers, per_sighting
 
-__all__ = ["columns", "describe", "listing", "percent", "printable"]
+__all__ = ["columns", "describe", "errors", "listing", "percent", "printable"]
 
 SHOWN = 20
 """Rows of a listing that are printed; a file has them all."""
@@ -70,6 +71,22 @@ def _outliers(result: Reconstruction) -> list[str]:
         for k in wrong[:SHOWN].tolist()
     ]
     return lines if len(wrong) <= SHOWN else [*lines, f"  ... and {len(wrong) - SHOWN} more"]
+
+
+def errors(result: Reconstruction, truth: Map) -> str:
+    """How far a map is from the truth that it is laid over, on one line."""
+    found = compare(result, truth)
+    parts = []
+    known = np.isfinite(result.landmarks + truth.landmarks).all(axis=1).sum()
+    if known:
+        share = f" ({percent(found.landmark / found.radius)} of the radius of the map)" if found.radius > 0 else ""
+        parts.append(f"{known} landmarks {found.landmark:.4g} rms{share}")
+    places = np.isfinite(result.poses[:, :2] + truth.poses[:, :2]).all(axis=1).sum()
+    if places:
+        parts.append(f"{places} positions {found.position:.4g} rms")
+    if not math.isnan(found.heading):
+        parts.append(f"headings {math.degrees(found.heading):.4g} deg rms")
+    return f"errors, laid over the truth: {', '.join(parts)}"
 
 
 def listing(result: Reconstruction) -> str:

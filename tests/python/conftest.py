@@ -65,3 +65,25 @@ def mrclam():
 def own():
     """The project's own reference values, made by tests/data/make_reference.py."""
     return json.loads(REFERENCES["own"].read_text())
+
+
+@pytest.fixture(scope="session")
+def chart():
+    """The error of a motion for GTSAM as bearslam has it; see test_gtsam.py."""
+    gtsam = pytest.importorskip("gtsam", reason="GTSAM is not installed: pip install gtsam")
+
+    def chart(delta, keys, values, jacobians):
+        """The error of a motion as x, y and theta, with derivatives along steps in the frames of the poses."""
+        measured, (start, end) = gtsam.Pose2(*delta), map(values.atPose2, keys)
+        moved = start.inverse() * end
+        error = measured.inverse() * moved
+        if jacobians is not None:
+            before, after = -np.eye(3), np.eye(3)
+            back = measured.rotation().matrix().T
+            before[:2, :2] = -back
+            before[:2, 2] = back @ [moved.y(), -moved.x()]
+            after[:2, :2] = error.rotation().matrix()
+            jacobians[0], jacobians[1] = before, after
+        return np.array([error.x(), error.y(), error.theta()])
+
+    return chart

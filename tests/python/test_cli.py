@@ -265,8 +265,11 @@ def test_a_bad_line_on_standard_input_has_its_number():
     ("arguments", "message"),
     [
         (["solve", "none.csv"], "none.csv: No such file or directory"),
-        (["solve", "."], ".: Is a directory"),
-        (["solve", "scene.csv", "-o", "map.txt"], "path: expected a name that ends in .json or .csv or .g2o, got 'map"),
+        (["solve", "."], ".: expected a file Barcodes.dat or Barcodes.dat.gz, as a UTIAS MRCLAM data set has"),
+        (
+            ["solve", "scene.csv", "-o", "map.txt"],
+            "path: expected a name that ends in .json or .csv or .g2o or .tum, got",
+        ),
         (["solve", "scene.csv", "-o", "none/map.csv"], "none/map.csv: there is no folder 'none'"),
         (["solve", "scene.csv", "--plot", "map.gif"], "path: expected a name that ends in .png or .svg or .pdf, got"),
         (["solve", "scene.csv", "--sigma-deg", "0"], "--sigma-deg: expected a number above 0, got 0"),

@@ -242,13 +242,15 @@ def test_residuals_of_a_table_are_saved_sighting_by_sighting(tmp_path):
 
 @pytest.mark.parametrize("name", ["map.txt", "map", "map.json.gz"])
 def test_other_endings_are_refused(result, tmp_path, name):
-    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .json or .csv or .g2o, got"):
+    with pytest.raises(
+        InvalidInputError, match="^path: expected a name that ends in .json or .csv or .g2o or .tum, got"
+    ):
         result.save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
 def test_sightings_are_csv_or_g2o(tmp_path):
-    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .csv or .g2o, got"):
+    with pytest.raises(InvalidInputError, match="^path: expected a name that ends in .csv or .g2o or .tum, got"):
         bearslam.save([[0.1]], tmp_path / "table.json")
     with pytest.raises(InvalidInputError, match="^bearings: "):
         bearslam.save("sightings", tmp_path / "table.csv")

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Names of views that say when, and which robot: ``robot@time``, or the time alone."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+__all__ = ["Moment", "moment", "name_of"]
+
+
+class Moment(NamedTuple):
+    """Robot and time [s] of a view; None where its name does not say."""
+
+    robot: str | None
+    time: float | None
+
+
+def name_of(robot: str, time: float) -> str:
+    """Name of a view, with as many digits as it takes to read the same time back, but at least milliseconds."""
+    short = f"{time:.3f}"
+    return f"{robot}@{short if float(short) == time else repr(time)}"
+
+
+def moment(name: str) -> Moment:
+    """What the name of a view says.
+
+    Examples
+    --------
+    >>> moment("3@1248446200.393"), moment("12.5"), moment("north")
+    (Moment(robot='3', time=1248446200.393), Moment(robot=None, time=12.5), Moment(robot=None, time=None))
+    """
+    robot, mark, text = name.rpartition("@")
+    try:
+        time = math.nan if "_" in text else float(text)
+    except ValueError:
+        time = math.nan
+    if not math.isfinite(time) or (mark and not robot):
+        return Moment(None, None)
+    return Moment(robot if mark else None, time)
