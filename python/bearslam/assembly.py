@@ -63,8 +63,9 @@ class Assembly:
         self.unknown: set[str] = set()
         self.fixed: list[tuple[int, str]] = []
         self.others: list[tuple[str, str]] = []
-        self._views: dict[str, int] = {}
-        self._landmarks: dict[str, int] = {}
+        # Where each is used first: line, and place on the line.
+        self._views: dict[str, tuple[int, int]] = {}
+        self._landmarks: dict[str, tuple[int, int]] = {}
         self._seen: dict[tuple[str, str], int] = {}
         self._bearings: list[tuple[float, float]] = []
         self._offsets: dict[int, _Edge] = {}
@@ -91,7 +92,7 @@ class Assembly:
         if ends[0] == ends[1]:
             raise InvalidInputError(f"{self.where(line)}: expected an edge between two poses, got {ends[0]} twice")
         self._view(line, ends[0])
-        self._view(line, ends[1])
+        self._view(line, ends[1], 1)
         self._motions.append(_Edge(line, ends, delta, spread))
 
     def bearing(self, line: int, ends: tuple[str, str], bearing: float, sigma: float) -> None:
@@ -143,7 +144,7 @@ class Assembly:
         views, landmarks = _order(self.poses, self._views), _order(self.points, self._landmarks)
         if self.shared:
             for key in views.keys() & landmarks.keys():
-                first, second = sorted((self._views[key], self._landmarks[key]))
+                (first, _), (second, _) = sorted((self._views[key], self._landmarks[key]))
                 raise InvalidInputError(
                     f"{self.where(second)}: {key} is both a pose and a landmark; the other use is on line {first}"
                 )
@@ -226,11 +227,11 @@ class Assembly:
             )
         vertices[key] = line, values
 
-    def _view(self, line: int, key: str) -> None:
-        self._views.setdefault(key, line)
+    def _view(self, line: int, key: str, place: int = 0) -> None:
+        self._views[key] = min((line, place), self._views.get(key, (line, place)))
 
     def _landmark(self, line: int, key: str) -> None:
-        self._landmarks.setdefault(key, line)
+        self._landmarks[key] = min((line, 0), self._landmarks.get(key, (line, 0)))
 
     def _sighting(self, line: int, ends: tuple[str, str]) -> None:
         first = self._seen.setdefault(ends, line)
@@ -280,6 +281,6 @@ class Assembly:
         return matrices
 
 
-def _order(vertices: Iterable[str], used: Iterable[str]) -> dict[str, int]:
-    """Identifiers in the order of their vertices, those without after them in that of their use."""
-    return {key: index for index, key in enumerate(dict.fromkeys([*vertices, *used]))}
+def _order(vertices: Iterable[str], used: dict[str, tuple[int, int]]) -> dict[str, int]:
+    """Identifiers in the order of their vertices, those without after them in that of their use in the file."""
+    return {key: index for index, key in enumerate(dict.fromkeys([*vertices, *sorted(used, key=used.__getitem__)]))}

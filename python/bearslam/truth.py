@@ -39,8 +39,8 @@ def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
     Parameters
     ----------
     path : str or path
-        A map, as `Reconstruction.save` and ``bearslam simulate --truth`` write it (``.json``, ``.csv`` or ``.g2o``), or a folder
-        of the UTIAS MRCLAM data sets, whose motion capture is interpolated at the times of the views.
+        A map, as `Reconstruction.save` and ``bearslam simulate --truth`` write it (``.json``, ``.csv`` or ``.g2o``), or
+        a folder of the UTIAS MRCLAM data sets, whose motion capture is interpolated at the times of the views.
     problem : Problem, Sightings or (m, n) array_like of float
         Whose views and landmarks are looked up by their names. Without names they go by their numbers.
 

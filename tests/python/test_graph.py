@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Text graphs of TORO and GTSAM, and sensors that sit somewhere on the vehicle."""
 
+import io
 import math
 import os
 import time
@@ -334,3 +335,10 @@ def test_half_known_poses_do_not_move():
         with pytest.raises(InvalidInputError, match="^sensor: expected known poses of which all coordinates are known"):
             mounted(known(sigma), (1, 0))
         assert mounted(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
+
+
+def test_views_come_in_the_order_of_the_file():
+    text = b"ODOMETRY 5 3 1 0 0 0.1 0 0 0.1 0 0.1\nLANDMARK 3 9 1 1 0.1 0 0.1\nODOMETRY 3 8 1 0 0 0.1 0 0 0.1 0 0.1\n"
+    problem = bearslam.load(io.BytesIO(text), format="graph")
+    assert problem.view_ids == ("5", "3", "8")
+    assert problem.odometry.start.tolist() == [0, 1]
