@@ -62,6 +62,44 @@ fn odometry_and_bearings_reach_the_minimum_of_the_truth() {
     }
 }
 
+/// A robot that comes back to where it was long ago, with odometry that has drifted far in between.
+#[test]
+fn a_long_trajectory_closes_its_loops() {
+    let arena = Arena {
+        sight: 7.0,
+        width: 80.0,
+        height: 56.0,
+    };
+    let scene = simulate(Layout::Trajectory, 500, 100, 0.005, 1, arena).unwrap();
+    let odometry = scene.odometry([0.2, 0.2, 0.1], 1).unwrap();
+    let problem = Problem::dense(500, 100, &scene.bearings, 0.005).unwrap();
+    let problem = problem.with_odometry(&odometry).unwrap();
+    let best = refine(&problem, &scene.map(), &RefineOptions::default(), None).unwrap();
+    let mut told = 0;
+    let mut progress = |stage: &'static str, done: usize, all: usize| {
+        told += usize::from(stage == "odometry");
+        done <= all
+    };
+    let found = solve(&problem, &SolveOptions::default(), Some(&mut progress)).unwrap();
+    assert!(
+        found.cost <= best.cost * (1.0 + 1e-6),
+        "{} {}",
+        found.cost,
+        best.cost
+    );
+    // What it does not determine is what the refinement from the truth does not determine either.
+    assert_eq!(found.undetermined, best.undetermined);
+    assert!(told > 20, "{told}");
+    // Stopped in the middle of a long piece.
+    let mut left = told / 2;
+    let mut stop = |_: &'static str, _, _| {
+        left = left.saturating_sub(1);
+        left > 0
+    };
+    let stopped = solve(&problem, &SolveOptions::default(), Some(&mut stop));
+    assert!(matches!(stopped, Err(Error::Interrupted)));
+}
+
 /// The first half of the views is one robot, the second another, whose odometry begins anew.
 #[test]
 fn two_robots_without_a_common_frame_are_one_problem() {
