@@ -20,6 +20,7 @@ import argparse
 import gzip
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -160,10 +161,10 @@ def main() -> None:
     problem, truth = whole(options.folder, np.radians(options.sigma_deg))
     paths = {name: str(options.output / f"victoria.{name}") for name in ("g2o", "json", "svg")}
     bearslam.save(problem, paths["g2o"])
-    bearslam.save(bearslam.refine(problem, truth), options.output / "oracle.json")
+    optimum_path = str(options.output / "optimum.g2o")
+    bearslam.save(replace(problem, start=truth), optimum_path)
     print(f"bearslam solve {paths['g2o']}", flush=True)
-    oracle = str(options.output / "oracle.json")
-    arguments = ["solve", paths["g2o"], "-o", paths["json"], "--plot", paths["svg"], "--truth", oracle]
+    arguments = ["solve", paths["g2o"], "-o", paths["json"], "--plot", paths["svg"], "--truth", optimum_path]
     assert bearslam_command(arguments) == 0
     problem = bearslam.load(paths["g2o"])
     before = time.perf_counter()

@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,7 @@ from bearslam.maps import Map, MapLike, pick, register
 from bearslam.rays import draw_outliers, draw_rays
 from bearslam.reconstruction import outliers
 from bearslam.report import printable
+from bearslam.times import moment
 from bearslam.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
 
 try:
@@ -98,7 +99,9 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
         else:
             entries.append(draw_map(ax, target, TRUTH, "truth", scale))
     entries += (
-        _draw_paths(ax, shown, paths, scale) if paths.robots else [draw_map(ax, shown, ESTIMATE, "estimate", scale)]
+        _draw_paths(ax, shown, paths, scale, result.view_ids)
+        if paths.robots
+        else [draw_map(ax, shown, ESTIMATE, "estimate", scale)]
     )
     if result.pose_covariance is not None and result.landmark_covariance is not None:
         every = 1 if views <= MANY else -(-views // ENCIRCLED)
@@ -120,13 +123,23 @@ def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None =
     return ax
 
 
-def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float) -> list[Entry]:
+def _robots(paths: Chains, names: Sequence[str] | None) -> list[str]:
+    """What robots are called: as their views say, ``robot@time``, or by number."""
+    called = [None if names is None else moment(names[robot[0]]).robot for robot in paths.robots]
+    return [
+        str(number) if name is None or called.count(name) > 1 else printable(name) for number, name in enumerate(called)
+    ]
+
+
+def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float, names: Sequence[str] | None) -> list[Entry]:
     """The estimate where there are many views, robots as lines along their odometry."""
     draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
     own = colors(len(paths.robots), ESTIMATE)
     above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # ellipses that are smaller than the markers are below them
     if len(set(own)) > 1:
-        entries: list[Entry] = [(_stroke(color), f"robot {number}") for number, color in enumerate(own)]
+        entries: list[Entry] = [
+            (_stroke(color), f"robot {name}") for name, color in zip(_robots(paths, names), own, strict=True)
+        ]
         entries.append(_landmarks(ax, shown, replace(above, color="black"), "landmark"))
     else:
         entries = [_landmarks(ax, shown, above, "estimate", _stroke(ESTIMATE.color))]
@@ -227,11 +240,14 @@ def draw_to_file(result: Reconstruction, path: str | os.PathLike[str], truth: Ma
     width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
     figure = Figure(figsize=(width, 5.0), layout="constrained")
     plot(result, figure.add_subplot(), truth)
-    save_figure(figure, path)
+    save_figure(figure, path, cropped=True)  # axes of equal scales leave room beside them
 
 
-def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure to a file, in one step; the same figure gives the same bytes."""
+def save_figure(figure: Figure, path: str | os.PathLike[str], *, cropped: bool = False) -> None:
+    """Write a figure to a file, in one step, without what is empty around it if so wished.
+
+    The same figure gives the same bytes.
+    """
     suffix = kind(path, FORMATS)
     undated: dict[str, dict[str, str | None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with (
@@ -240,4 +256,5 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         replacing(path) as file,
     ):
         warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # a box stands for it
-        figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix])
+        around: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.1} if cropped else {}
+        figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix], **around)

@@ -315,6 +315,9 @@ def test_several_robots_have_a_colour_each(long):
     assert len(np.unique(lines.get_colors(), axis=0)) == 3
     assert len(diamonds(ax)) == 6
     assert texts(ax) == ["robot 0", "robot 1", "robot 2", "landmark", "start, end", "bearing (1 in 2)"]
+    names = [f"{'red' if i < 30 else 'blue' if i < 70 else '7'}@{i}" for i in range(100)]
+    ax = dataclasses.replace(several, view_ids=tuple(names)).plot(Figure().add_subplot())
+    assert texts(ax)[:3] == ["robot red", "robot blue", "robot 7"]
 
 
 def test_more_robots_than_colours_have_one_colour(long):
