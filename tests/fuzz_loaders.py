@@ -29,6 +29,8 @@ import numpy as np
 import bearslam
 from bearslam import g2o_file
 
+FOLDERS = 0.2
+"""Share of folders among what is damaged."""
 SECONDS = 2.0
 """Longest that a small file may take."""
 
@@ -92,6 +94,17 @@ SEEDS: dict[str, bytes] = {
     "a.graph.gz": gzip.compress(GRAPH.encode(), mtime=0),
 }
 
+FOLDER: dict[str, bytes] = {
+    "Barcodes.dat": b"# Subject Barcode\n1 5\n2 14\n6 63\n7 81\n8 7\n",
+    "Robot1_Measurement.dat": b"# Time Subject range bearing\n10.0 63 1.5 0.25\n10.0 81 2.5 -0.25\n10.5 63 1.4 0.3\n"
+    b"10.5 14 1.0 0.1\n11.0 7 1.2 0.2\n11.0 99 1.0 0.1\n11.5 81 1.9 0.5\n",
+    "Robot1_Odometry.dat": b"# Time velocity turn\n9.0 0.1 0.0\n10.0 0.2 0.1\n10.75 0.1 -0.1\n12.0 0.0 0.0\n",
+    "Robot2_Measurement.dat": gzip.compress(b"10.2 81 1.5 0.25\n10.7 63 1.5 0.5\n", mtime=0),
+    "Robot2_Odometry.dat": b"9.0 0.1 0.0\n12.0 0.1 0.0\n",
+}
+FOLDER["Robot2_Measurement.dat.gz"] = FOLDER.pop("Robot2_Measurement.dat")
+"""A data set of MRCLAM."""
+
 WORDS = [
     *("nan", "inf", "-inf", "1e999", "-1e999", "1e-999", "1e308", "-1e308", "1e-308", "5e-324", "1e200", "1e-200"),
     *(
@@ -136,6 +149,12 @@ WHOLE = re.compile(
     r"(view|landmark)_ids: expected distinct names)"
 )
 """Complaints that are about the whole of a file."""
+
+
+WHOLE_FOLDER = re.compile(
+    r": (expected a whole gzip|expected sightings|expected at most|expected a file|"
+    r"expected lines of \d numbers \([a-z ,]*\), got none)"
+)
 
 
 def lines_of(data: bytes) -> list[bytes]:
@@ -248,6 +267,51 @@ def damaged(rng: random.Random) -> tuple[str, bytes]:
     return name, data
 
 
+def attempt_folder(folder: Path, content: dict[str, bytes]) -> str:
+    """Read a folder of files, one of which is damaged: as `attempt`."""
+    for name, data in content.items():
+        (folder / name).write_bytes(data)
+    start = time.perf_counter()
+    try:
+        problem = bearslam.load(folder)
+    except bearslam.InvalidInputError as error:
+        text = str(error)
+        assert text.startswith(str(folder)), f"no file in {text!r}"
+        named = re.match(re.escape(str(folder)) + r"/\w+\.dat(\.gz)?:\d+: ", text)
+        outcome = "line named" if named else "file refused"
+        assert named or WHOLE_FOLDER.search(text), f"no line in {text!r}"
+    else:
+        left_out = sum(int(remark.split()[0]) for remark in problem.remarks if " sightings " in remark.split(",")[0])
+        count = sum(map(measurements, content.items()))
+        assert len(problem.sightings) + left_out == count, f"{len(problem.sightings)} + {left_out} of {count} lines"
+        outcome = "read"
+    took = time.perf_counter() - start
+    assert took < SECONDS, f"took {took:.1f} s"
+    return outcome
+
+
+def measurements(item: tuple[str, bytes]) -> int:
+    """How many lines of measurements a file of a folder has."""
+    name, data = item
+    if "_Measurement" not in name:
+        return 0
+    text = (gzip.decompress(data) if name.endswith(".gz") else data).decode("utf-8-sig")
+    return sum(bool(line.partition("#")[0].strip()) for line in re.split(r"\r\n|\r|\n", text))
+
+
+def damaged_folder(rng: random.Random) -> dict[str, bytes]:
+    """A folder, one file of which is no longer whole."""
+    content = dict(FOLDER)
+    name = rng.choice(list(content))
+    data = content[name]
+    for _ in range(rng.choice([1, 1, 1, 2, 3])):
+        change = rng.choice(CHANGES)
+        inside = name.endswith(".gz") and rng.random() < 0.7
+        data = (unpack(change) if inside else change)(data, rng)
+    content[name] = data
+    return content
+
+
 def expected(problem: bearslam.Problem, data: bytes) -> int:
     """How many lines of sightings a file has, by counting."""
     if data.startswith(b"\x1f\x8b"):
@@ -313,15 +377,19 @@ def run(seed: int, *, minutes: float = 0.0, files: int = 0, limit: int = 10) -> 
     outcomes: Counter[str] = Counter()
     failures: list[str] = []
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        Path(folder, "set").mkdir()
         warnings.simplefilter("error")
         while len(failures) < limit and (outcomes.total() < files or time.monotonic() < end):
-            name, data = damaged(rng)
+            content = damaged_folder(rng) if rng.random() < FOLDERS else dict([damaged(rng)])
             try:
-                outcomes[attempt(Path(folder), name, data)] += 1
+                if len(content) > 1:
+                    outcomes[attempt_folder(Path(folder, "set"), content)] += 1
+                else:
+                    outcomes[attempt(Path(folder), *next(iter(content.items())))] += 1
             except Exception:  # noqa: BLE001 - whatever it is, it is a finding
                 outcomes["wrong"] += 1
-                shown = repr(data) if len(data) < 3000 else f"{data[:3000]!r}... ({len(data)} bytes)"
-                failures.append(f"{name} {shown}\n{traceback.format_exc(limit=-3)}")
+                shown = " ".join(f"{name} {data[:3000]!r} ({len(data)} bytes)" for name, data in content.items())
+                failures.append(f"{shown}\n{traceback.format_exc(limit=-3)}")
     return outcomes, failures
 
 

@@ -18,7 +18,6 @@ from __future__ import annotations
 import io
 import math
 import os
-import warnings
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -261,30 +260,36 @@ def _text(path: Path) -> str:
 
 def _numbers(name: str, text: str, columns: tuple[str, ...]) -> FloatArray:
     """NumPy reads fast, but says nothing of lines; what it does not take is read again, line by line."""
+    lines = _lines(text)
+    if not lines:
+        return np.empty((0, len(columns)))
     values: FloatArray
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of files without data, which is found out below
-            values = np.loadtxt(io.StringIO(text), ndmin=2)
-        if values.size == 0:
-            return np.empty((0, len(columns)))
+        values = np.loadtxt([line for _, line in lines], ndmin=2)
         if values.shape[1] == len(columns):
             return values
         trouble = f"got {values.shape[1]} columns"
     except ValueError as error:
         trouble = str(error)
-    for number, line in _lines(text):
+    for number, line in lines:
         cells = line.split()
         if len(cells) != len(columns):
             raise InvalidInputError(
                 f"{name}:{number}: expected {len(columns)} numbers ({', '.join(columns)}), got {quote(line)}"
             )
         for column, cell in zip(columns, cells, strict=True):
-            try:
-                float(cell.replace("_", "?"))
-            except ValueError:
-                raise InvalidInputError(f"{name}:{number}: expected a number as {column}, got {quote(cell)}") from None
+            if not _is_number(cell):
+                raise InvalidInputError(f"{name}:{number}: expected a number as {column}, got {quote(cell)}")
     raise InvalidInputError(f"{name}: expected lines of {len(columns)} numbers ({', '.join(columns)}): {trouble}")
+
+
+def _is_number(cell: str) -> bool:
+    """Whether NumPy takes it for one: Python's float takes more."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return cell.isascii() and "_" not in cell
 
 
 def _lines(text: str) -> list[tuple[int, str]]:

@@ -22,6 +22,10 @@ def test_damaged_files_are_read_whole_or_refused():
     assert outcomes["line named"] > 800
 
 
+def test_a_folder_that_is_whole_is_read(tmp_path):
+    assert fuzz.attempt_folder(tmp_path, fuzz.FOLDER) == "read"
+
+
 @pytest.mark.parametrize("name", fuzz.SEEDS)
 def test_files_that_are_whole_are_read(tmp_path, name):
     assert fuzz.attempt(tmp_path, name, fuzz.SEEDS[name]) == "read"
@@ -32,7 +36,7 @@ def test_a_loader_that_loses_lines_is_found(monkeypatch):
         return parse(data[: data.rindex(b"\n", 0, -1) + 1] if data.count(b"\n") > 3 else data, name)
 
     monkeypatch.setattr("bearslam.g2o_file.parse", lossy)
-    _, failures = fuzz.run(1, files=2000)
+    _, failures = fuzz.run(1, files=2000, limit=100)
     assert any("sightings of" in failure for failure in failures)
 
 

@@ -439,3 +439,15 @@ def test_set_7_in_gtsam():
     assert graph.error(found) == pytest.approx(result.cost, rel=0.02)
     # The least cost is hardly below that of our map, in their terms too.
     assert graph.error(found) == pytest.approx(graph.error(values), rel=1e-3)
+
+
+@pytest.mark.parametrize("cell", ["\N{ARABIC-INDIC DIGIT THREE}", "1_0"])
+def test_what_only_python_takes_for_a_number(tmp_path, cell):
+    content = insert(files(), "Robot1_Measurement.dat", f"{T0 + 2.1:.3f} 63 {cell} 0.1")
+    with pytest.raises(InvalidInputError, match=r"Robot1_Measurement\.dat:\d+: expected a number as range, got"):
+        bearslam.load(write(tmp_path, content))
+
+
+def test_lines_end_as_on_any_system(tmp_path):
+    content = {name: text.replace("\n", "\r") for name, text in files().items()}
+    assert len(bearslam.load(write(tmp_path, content)).sightings) == 144
