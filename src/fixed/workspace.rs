@@ -9,8 +9,8 @@ use nalgebra::{Point2, Vector2};
 
 /// What a refinement works in; nothing of it outlives a call.
 ///
-/// `Workspace::new()` is constant, for a static in `f32` or `f64`; generic code takes the default. For its
-/// size see [`FixedMap`](super::FixedMap).
+/// `new` is constant, for a static in `f32` or `f64`; generic code takes the default. For its size see
+/// [`FixedMap`](super::FixedMap).
 #[derive(Clone, Debug)]
 pub struct Workspace<T: Real, const M: usize, const N: usize> {
     /// The sightings linearised, by landmark, then by view.
@@ -53,9 +53,7 @@ impl<T: Real, const M: usize, const N: usize> Default for Workspace<T, M, N> {
 
 /// The Cholesky factor of a damped 2x2 block, diagonal inverted.
 #[derive(Clone, Copy, Debug)]
-struct PointFactor<T: Real> {
-    factor: [T; 3],
-}
+struct PointFactor<T: Real>([T; 3]);
 
 impl<T: Real> PointFactor<T> {
     /// Of the damped information of a landmark (xx, xy, yy).
@@ -79,15 +77,13 @@ impl<T: Real> PointFactor<T> {
         let first = root(xx, xx)?;
         let below = xy * first;
         let second = root(yy - below * below, yy)?;
-        Some(Self {
-            factor: [first, below, second],
-        })
+        Some(Self([first, below, second]))
     }
 
     /// `L^-1 x`.
     #[inline]
     fn forward(&self, [x, y]: [T; 2]) -> [T; 2] {
-        let [first, below, second] = self.factor;
+        let Self([first, below, second]) = *self;
         let x = x * first;
         [x, (y - below * x) * second]
     }
@@ -95,7 +91,7 @@ impl<T: Real> PointFactor<T> {
     /// `L^-T x`.
     #[inline]
     fn backward(&self, [x, y]: [T; 2]) -> [T; 2] {
-        let [first, below, second] = self.factor;
+        let Self([first, below, second]) = *self;
         let y = y * second;
         [(x - below * y) * first, y]
     }
@@ -111,7 +107,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
             matrix: [[[[zero; 3]; 3]; M]; M],
             step: [[zero; 3]; M],
             diagonal: [[zero; 3]; M],
-            points: [PointFactor { factor: [zero; 3] }; N],
+            points: [PointFactor([zero; 3]); N],
             whitened: [[zero; 2]; M],
         }
     }
@@ -181,7 +177,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
             for (((view, (row, z)), (step, diagonal)), blocks) in
                 views.zip(totals).zip(&mut self.matrix)
             {
-                let [x, y, weight] = row.slope;
+                let [_, _, weight] = row.slope;
                 if weight <= zero {
                     continue;
                 }
@@ -195,7 +191,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
                     add_product(block, -dot(z, w), &row.slope, &other.slope);
                 }
                 if let Some(block) = blocks.get_mut(view) {
-                    add_product(block, T::one() - dot(z, z), &[x, y, weight], &row.slope);
+                    add_product(block, T::one() - dot(z, z), &row.slope, &row.slope);
                 }
             }
         }
