@@ -311,25 +311,32 @@ mod tests {
 
     #[test]
     fn the_robot_maps_the_hall() {
-        let mut robot = Robot::new();
-        let mut noise = Noise(7);
-        let mut placed = 0;
-        for k in 0..SCANS {
-            let truth = place(k);
-            let outcome = robot.scan(&sightings(&truth, &mut noise)).unwrap();
-            if let Outcome::Placed(view, report) = outcome {
+        for seed in 1..=10 {
+            let mut robot = Robot::new();
+            let mut noise = Noise(seed);
+            let mut placed = 0;
+            for k in 0..SCANS {
+                let truth = place(k);
+                let outcome = robot.scan(&sightings(&truth, &mut noise)).unwrap();
+                let Outcome::Placed(view, report) = outcome else {
+                    continue;
+                };
                 placed += 1;
-                assert!(report.termination.was_successful(), "{k} {report:?}");
+                assert!(report.termination.was_successful(), "{seed} {k} {report:?}");
                 let (position, landmarks, _) = errors(&robot.map, view, &truth).unwrap();
                 assert!(
-                    position < 0.05 && landmarks < 0.05,
-                    "{k} {position} {landmarks}"
+                    position < 0.1 && landmarks < 0.2,
+                    "{seed} {k} {position} {landmarks}"
                 );
-                assert!(robot.map.rms() < 1.2 * SIGMA, "{k} {}", robot.map.rms());
+                assert!(
+                    robot.map.rms() < 1.2 * SIGMA,
+                    "{seed} {k} {}",
+                    robot.map.rms()
+                );
             }
+            assert_eq!(placed, SCANS - 3);
+            assert!(robot.map.landmarks.iter().all(Option::is_some));
         }
-        assert_eq!(placed, SCANS - 3);
-        assert!(robot.map.landmarks.iter().all(Option::is_some));
     }
 
     #[test]
