@@ -7,8 +7,8 @@
 //! and what this crate has without features, no heap. The rest is the world around it, on the host.
 //!
 //! `cargo run --release --no-default-features --example embedded` prints a line per scan.
-#![warn(clippy::std_instead_of_core)]
 
+#[warn(clippy::std_instead_of_core)]
 mod robot {
     use bearslam::{Bearing, Branch, Error, FixedMap, FixedOptions, FixedReport, Workspace};
 

@@ -278,7 +278,7 @@ fn figures_are_those_of_the_heap() {
     let (scene, map) = small();
     let problem = Problem::dense(4, 6, &scene.bearings, SIGMA).unwrap();
     let expected: Vec<f64> = truth(&scene).residuals(&problem).flatten().collect();
-    let mut found = vec![f64::NAN; 24];
+    let mut found = [f64::NAN; 24];
     for (view, landmark, residual) in map.residuals() {
         found[view * 6 + landmark] = residual;
     }
@@ -497,12 +497,12 @@ fn nothing_trips_it() {
     for round in 0..2000 {
         // Any size from the smallest to the largest of single precision; places that coincide; gaps.
         let size = 10_f64.powf([0.0, 1.0, 76.0][round % 3] * (next() - 0.5));
-        let mut at = || Point2::new(next(), next()).map(|x| (size * (5.0 * x).round()) as f32);
+        let mut at = || Point2::new(next(), next()).map(|x| f32::lit(size * (5.0 * x).round()));
         let places: Vec<_> = (0..10).map(|_| at()).collect();
         let mut map = FixedMap::<f32, 4, 6>::new();
         for k in 0..24 {
             if next() < 0.8 {
-                let bearing = Bearing::new((6.3 * next()) as f32);
+                let bearing = Bearing::new(f32::lit(6.3 * next()));
                 map.see(k / 6, k % 6, bearing, [0.01, 1e-15, 1e15][k % 3])
                     .unwrap();
             }
@@ -511,7 +511,7 @@ fn nothing_trips_it() {
         let _ = map.add_view(3);
         if round % 4 > 0 {
             map.poses =
-                core::array::from_fn(|k| Some(pose(places[k].x, places[k].y, next() as f32)));
+                core::array::from_fn(|k| Some(pose(places[k].x, places[k].y, f32::lit(next()))));
             map.landmarks = core::array::from_fn(|k| Some(places[4 + k]));
         }
         let before = map.cost();
