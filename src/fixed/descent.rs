@@ -51,14 +51,14 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     ///
     /// The time is at most that of `max_iterations` iterations. One takes about `7 N M^2 + 9/2 M^3`
     /// multiplications for the step, and every sighting is linearised three times, with an arctangent
-    /// each where its residual exceeds 1/16; `M` counts the views up to the last determined one. The
-    /// stack takes about 1 kB, whatever `M` and `N`. A landmark that maximum likelihood puts
-    /// on a view or at infinity goes on towards it until the iterations run out or the cost hardly
-    /// falls.
+    /// each where its error exceeds 1/16 rad; `M` counts the views up to the last determined one. The
+    /// stack takes about 2 kB on x86-64, whatever `M` and `N`. A landmark that maximum likelihood puts on
+    /// a view or at infinity goes on towards it until the cost hardly falls or the iterations run
+    /// out.
     ///
     /// # Errors
     /// [`Error::TooFew`] when no three sightings are left, [`Error::NotFinite`] when the start is not
-    /// finite, [`Error::Degenerate`] when it is a single place.
+    /// finite, [`Error::Degenerate`] when it is a single place. What has been taken out stays out.
     ///
     /// # Example
     /// ```

@@ -28,7 +28,8 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     /// motion of [`three_view`]: the first at the origin with heading 0, the second at distance 1.
     /// Landmarks that two of them see are triangulated. The motions of both branches are returned: when
     /// the numbers of their inconsistent sightings are the same, go on with both, in a map each,
-    /// until a fourth view tells them apart by the cost. The stack holds `3 N` bearings.
+    /// until a fourth view tells them apart by the cost. The stack holds `3 N` bearings beside what
+    /// [`three_view`] takes.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a view beyond the map, and those of [`three_view`]; the map is then as
