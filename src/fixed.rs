@@ -164,8 +164,10 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     /// View, landmark and residual of every sighting between what is determined: predicted minus
     /// measured bearing \[rad\] in (-pi, pi].
     pub fn residuals(&self) -> impl Iterator<Item = (usize, usize, T)> + '_ {
-        self.rows()
-            .map(|(view, landmark, row)| (view, landmark, row.residual / row.slope[2]))
+        self.rows().map(|(view, landmark, row)| {
+            let [_, _, weight] = row.slope;
+            (view, landmark, row.residual / weight)
+        })
     }
 
     /// Half the sum of squares of residual over sigma.
