@@ -31,8 +31,10 @@ pub use map::{Map, Subject, Undetermined, Why};
 pub(crate) use priors::Tie;
 pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};
-pub use refine::{RefineOptions, Report, Termination, Watch, refine_map};
+pub use refine::{RefineOptions, Report, Watch, refine_map};
 pub(crate) use refine::{cost, cost_of_ties};
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;
 pub(crate) use weakest::{Loose, loose_directions};
+
+pub use crate::termination::Termination;

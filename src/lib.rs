@@ -22,6 +22,7 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
+//! | `fixed` | maps in storage of the caller: growth and refinement | `core` |
 //! | `estimation` | problems with odometry and priors, residuals, Levenberg-Marquardt, covariances | `alloc` |
 //! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
@@ -53,6 +54,7 @@ mod diagnosis;
 mod error;
 #[cfg(feature = "alloc")]
 mod estimation;
+mod fixed;
 mod geometry;
 mod kernels;
 #[cfg(feature = "python")]
@@ -64,6 +66,7 @@ mod scalar;
 mod simulate;
 #[cfg(feature = "rayon")]
 mod sweep;
+mod termination;
 
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
@@ -73,9 +76,10 @@ pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{
     Covariance, Frame, LandmarkPrior, Loss, Map, Noise, Odometry, PosePrior, Problem,
-    RefineOptions, Report, Seen, Sighting, Subject, Termination, Undetermined, Watch, Why,
-    covariance, refine_map,
+    RefineOptions, Report, Seen, Sighting, Subject, Undetermined, Watch, Why, covariance,
+    refine_map,
 };
+pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
 pub use geometry::{Bearing, Pose, align, bearing_to, pose, signed_angle, transform_pose};
 pub use kernels::*;
 #[cfg(feature = "alloc")]
@@ -89,6 +93,7 @@ pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
 pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Outcome, Quantity, Start, Tally, Trial, sweep,
 };
+pub use termination::Termination;
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

@@ -3,9 +3,10 @@
 
 use super::bundle::{Bundle, Rows};
 use super::problem::Problem;
-use super::refine::{RefineOptions, Termination, Watch};
+use super::refine::{RefineOptions, Watch};
 use crate::error::Error;
 use crate::scalar::Real;
+use crate::termination::Termination;
 
 /// What proposes steps.
 pub trait System<T: Real> {

@@ -12,6 +12,7 @@ use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
 use crate::scalar::Real;
+use crate::termination::Termination;
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
 
@@ -37,46 +38,6 @@ impl<T: Real> Default for RefineOptions<T> {
             damping: T::lit(1e-4),
             tolerance: T::lit(1e-10).max(T::eps()),
             loss: Loss::Squared,
-        }
-    }
-}
-
-/// How a refinement ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Termination {
-    /// No refinement was asked for.
-    NotRefined,
-    /// A further step would lower the cost by less than the tolerance.
-    Converged,
-    /// The residuals are zero up to rounding.
-    ZeroResidual,
-    /// No step lowers the cost, however much it is damped.
-    NoProgress,
-    /// The iterations ran out.
-    MaxIterations,
-    /// The normal equations are singular beyond the gauge and damping is zero.
-    Singular,
-}
-
-impl Termination {
-    /// Whether the result is a minimum.
-    pub fn was_successful(self) -> bool {
-        matches!(
-            self,
-            Self::Converged | Self::ZeroResidual | Self::NoProgress
-        )
-    }
-
-    /// The name of the variant in lower case with underscores.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::NotRefined => "not_refined",
-            Self::Converged => "converged",
-            Self::ZeroResidual => "zero_residual",
-            Self::NoProgress => "no_progress",
-            Self::MaxIterations => "max_iterations",
-            Self::Singular => "singular",
         }
     }
 }

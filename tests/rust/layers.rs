@@ -5,10 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the bottom up.
-const LAYERS: [&[&str]; 9] = [
-    &["scalar", "error"],
+const LAYERS: [&[&str]; 10] = [
+    &["scalar", "error", "termination"],
     &["geometry"],
     &["kernels"],
+    &["fixed"],
     &["estimation"],
     &["reconstruction", "simulate"],
     &["diagnosis"],

@@ -6,6 +6,7 @@ mod beyond;
 mod common;
 mod degenerate;
 mod diagnosis;
+mod fixed;
 mod layers;
 mod posterior;
 mod properties;

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The damped normal equations with the landmarks eliminated, (T13), in fixed storage.
+
+use super::cholesky::{Block, factorize, solve};
+use super::row::Row;
+use crate::geometry::Pose;
+use crate::scalar::Real;
+use nalgebra::{Point2, Vector2};
+
+/// What a refinement works in; nothing of it outlives a call.
+///
+/// `new` is constant, for a static in `f32` or `f64`; generic code takes the default. For its size see
+/// [`FixedMap`](super::FixedMap).
+#[derive(Clone, Debug)]
+pub struct Workspace<T: Real, const M: usize, const N: usize> {
+    /// The sightings linearised, by landmark, then by view.
+    pub(super) rows: [[Row<T>; M]; N],
+    pub(super) spare: [Row<T>; M],
+    /// The map after the step.
+    pub(super) poses: [Option<Pose<T>>; M],
+    pub(super) landmarks: [Option<Point2<T>>; N],
+    /// The reduced matrix, then its factor: the lower triangle.
+    matrix: [[Block<T>; M]; M],
+    /// Minus the reduced gradient, then the step of the poses.
+    pub(super) step: [[T; 3]; M],
+    /// The diagonal of the poses before elimination and damping.
+    diagonal: [[T; 3]; M],
+    /// Factors of the landmarks.
+    points: [PointFactor<T>; N],
+    /// Of the landmark at work: `L^-1` times the derivative with respect to it.
+    whitened: [[T; 2]; M],
+}
+
+impl<const M: usize, const N: usize> Workspace<f32, M, N> {
+    /// Room for maps of `M` views and `N` landmarks.
+    pub const fn new() -> Self {
+        Self::filled(0.0)
+    }
+}
+
+impl<const M: usize, const N: usize> Workspace<f64, M, N> {
+    /// Room for maps of `M` views and `N` landmarks.
+    pub const fn new() -> Self {
+        Self::filled(0.0)
+    }
+}
+
+impl<T: Real, const M: usize, const N: usize> Default for Workspace<T, M, N> {
+    fn default() -> Self {
+        Self::filled(T::zero())
+    }
+}
+
+/// The Cholesky factor of a damped 2x2 block, diagonal inverted.
+#[derive(Clone, Copy, Debug)]
+struct PointFactor<T: Real>([T; 3]);
+
+impl<T: Real> PointFactor<T> {
+    /// Of the damped information of a landmark (xx, xy, yy).
+    ///
+    /// A pivot that is rounding belongs to a direction that no sighting holds, such as the range of a
+    /// landmark at infinity: it gets no step and takes nothing from the others. `None` for numbers
+    /// that are not finite.
+    #[inline]
+    fn new([xx, xy, yy]: [T; 3], damping: T) -> Option<Self> {
+        let root = |pivot: T, whole: T| {
+            if !pivot.is_finite() {
+                None
+            } else if pivot > whole * T::eps() * T::lit(4.0) {
+                Some(T::one() / pivot.sqrt())
+            } else {
+                Some(T::zero())
+            }
+        };
+        let grown = T::one() + damping;
+        let (xx, yy) = (xx * grown, yy * grown);
+        let first = root(xx, xx)?;
+        let below = xy * first;
+        let second = root(yy - below * below, yy)?;
+        Some(Self([first, below, second]))
+    }
+
+    /// `L^-1 x`.
+    #[inline]
+    fn forward(&self, [x, y]: [T; 2]) -> [T; 2] {
+        let Self([first, below, second]) = *self;
+        let x = x * first;
+        [x, (y - below * x) * second]
+    }
+
+    /// `L^-T x`.
+    #[inline]
+    fn backward(&self, [x, y]: [T; 2]) -> [T; 2] {
+        let Self([first, below, second]) = *self;
+        let y = y * second;
+        [(x - below * y) * first, y]
+    }
+}
+
+impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
+    const fn filled(zero: T) -> Self {
+        Self {
+            rows: [[Row::filled(zero); M]; N],
+            spare: [Row::filled(zero); M],
+            poses: [None; M],
+            landmarks: [None; N],
+            matrix: [[[[zero; 3]; 3]; M]; M],
+            step: [[zero; 3]; M],
+            diagonal: [[zero; 3]; M],
+            points: [PointFactor([zero; 3]); N],
+            whitened: [[zero; 2]; M],
+        }
+    }
+
+    /// Solves for the step of the poses, of which the first `used` may be determined.
+    ///
+    /// Directions along which nothing changes get the stiffness of an average parameter, which fixes them
+    /// and, without damping, nothing else. `false` when the system is not positive definite.
+    pub(super) fn solve(&mut self, poses: &[Option<Pose<T>>; M], used: usize, damping: T) -> bool {
+        let zero = T::zero();
+        for row in self.matrix.iter_mut().take(used) {
+            row.iter_mut()
+                .take(used)
+                .for_each(|block| *block = [[zero; 3]; 3]);
+        }
+        self.step = [[zero; 3]; M];
+        self.diagonal = [[zero; 3]; M];
+        if !self.eliminate(damping) {
+            return false;
+        }
+        self.fix_gauge(poses);
+        let diagonal = self.diagonal.iter().enumerate().take(used);
+        for ((k, conditional), row) in diagonal.zip(&mut self.matrix) {
+            let Some([[xx, _, _], [_, yy, _], [_, _, tt]]) = row.get_mut(k) else {
+                return false;
+            };
+            for (pivot, information) in [xx, yy, tt].into_iter().zip(conditional) {
+                // What no residual touches stays where it is.
+                *pivot += if *information > zero {
+                    *information * damping
+                } else {
+                    T::one()
+                };
+            }
+        }
+        if !factorize(&mut self.matrix, used) {
+            return false;
+        }
+        solve(&self.matrix, &mut self.step, used);
+        true
+    }
+
+    /// Forms the reduced system, landmark by landmark.
+    #[inline]
+    fn eliminate(&mut self, damping: T) -> bool {
+        let zero = T::zero();
+        for (rows, point) in self.rows.iter().zip(&mut self.points) {
+            let ([mut xx, mut xy, mut yy], [mut gx, mut gy]) = ([zero; 3], [zero; 2]);
+            for row in rows {
+                let [x, y] = row.landmark();
+                xx += x * x;
+                xy += x * y;
+                yy += y * y;
+                gx += x * row.residual;
+                gy += y * row.residual;
+            }
+            let Some(factor) = PointFactor::new([xx, xy, yy], damping) else {
+                return false;
+            };
+            *point = factor;
+            let gradient = factor.forward([gx, gy]);
+            for (row, whitened) in rows.iter().zip(&mut self.whitened) {
+                *whitened = factor.forward(row.landmark());
+            }
+            let views = rows.iter().zip(&self.whitened).enumerate();
+            let totals = self.step.iter_mut().zip(&mut self.diagonal);
+            for (((view, (row, z)), (step, diagonal)), blocks) in
+                views.zip(totals).zip(&mut self.matrix)
+            {
+                let [_, _, weight] = row.slope;
+                if weight <= zero {
+                    continue;
+                }
+                let left = row.residual - dot(z, &gradient);
+                for ((step, diagonal), slope) in step.iter_mut().zip(diagonal).zip(row.slope) {
+                    *step += slope * left;
+                    *diagonal += slope * slope;
+                }
+                let others = rows.iter().zip(&self.whitened);
+                for (block, (other, w)) in blocks.iter_mut().zip(others).take(view) {
+                    add_product(block, -dot(z, w), &row.slope, &other.slope);
+                }
+                if let Some(block) = blocks.get_mut(view) {
+                    add_product(block, T::one() - dot(z, z), &row.slope, &row.slope);
+                }
+            }
+        }
+        true
+    }
+
+    /// Stiffens translation, rotation and scaling of the poses, (T14).
+    fn fix_gauge(&mut self, poses: &[Option<Pose<T>>; M]) {
+        let positions = || poses.iter().flatten().map(|pose| pose.translation.vector);
+        let count = positions().fold(T::zero(), |sum, _| sum + T::one());
+        let centre = positions().fold(Vector2::zeros(), |sum, p| sum + p) / count;
+        let spread = positions().fold(T::zero(), |sum, p| sum + (p - centre).norm_squared());
+        let total = self.diagonal.iter().flatten();
+        let total = total.fold(T::zero(), |sum, information| sum + *information);
+        let stiffness = total / (T::lit(3.0) * count);
+        let over = |square: T| {
+            if square > T::zero() {
+                stiffness / square
+            } else {
+                T::zero()
+            }
+        };
+        let (shift, turn, grow) = (over(count), over(spread + count), over(spread));
+        for ((pose, blocks), view) in poses.iter().zip(&mut self.matrix).zip(1..) {
+            let Some(pose) = pose else { continue };
+            let p = pose.translation.vector - centre;
+            for (other, block) in poses.iter().zip(blocks).take(view) {
+                let Some(other) = other else { continue };
+                let q = other.translation.vector - centre;
+                let [[xx, xy, xt], [yx, yy, yt], [tx, ty, tt]] = block;
+                *xx += shift + turn * p.y * q.y + grow * p.x * q.x;
+                *xy += grow * p.x * q.y - turn * p.y * q.x;
+                *xt -= turn * p.y;
+                *yx += grow * p.y * q.x - turn * p.x * q.y;
+                *yy += shift + turn * p.x * q.x + grow * p.y * q.y;
+                *yt += turn * p.x;
+                *tx -= turn * q.y;
+                *ty += turn * q.x;
+                *tt += turn;
+            }
+        }
+    }
+
+    /// The step of one landmark after that of the poses, and the sum of squared residuals that the
+    /// linear model predicts for it.
+    #[inline]
+    pub(super) fn step_of_landmark(&self, landmark: usize) -> Option<(Vector2<T>, T)> {
+        let (rows, factor) = (self.rows.get(landmark)?, self.points.get(landmark)?);
+        let moved = |row: &Row<T>, step: &[T; 3]| {
+            let [a, b, c] = row.slope;
+            let [x, y, theta] = step;
+            row.residual - a * *x - b * *y - c * *theta
+        };
+        let mut gradient = [T::zero(); 2];
+        for (row, step) in rows.iter().zip(&self.step) {
+            let residual = moved(row, step);
+            for (gradient, slope) in gradient.iter_mut().zip(row.landmark()) {
+                *gradient -= slope * residual;
+            }
+        }
+        let by = factor.backward(factor.forward(gradient));
+        let squares = rows
+            .iter()
+            .zip(&self.step)
+            .fold(T::zero(), |sum, (row, step)| {
+                let residual = moved(row, step) + dot(&row.landmark(), &by);
+                sum + residual * residual
+            });
+        Some((Vector2::from(by), squares))
+    }
+}
+
+#[inline]
+fn dot<T: Real>([a, b]: &[T; 2], [x, y]: &[T; 2]) -> T {
+    *a * *x + *b * *y
+}
+
+/// `block += scale a b^T`.
+#[inline]
+fn add_product<T: Real>(block: &mut Block<T>, scale: T, a: &[T; 3], b: &[T; 3]) {
+    for (row, a) in block.iter_mut().zip(a) {
+        let a = *a * scale;
+        for (entry, b) in row.iter_mut().zip(b) {
+            *entry += a * *b;
+        }
+    }
+}

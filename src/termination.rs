@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How a refinement ends, whatever its storage.
+
+/// How a refinement ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Termination {
+    /// No refinement was asked for.
+    NotRefined,
+    /// A further step would lower the cost by less than the tolerance.
+    Converged,
+    /// The residuals are zero up to rounding.
+    ZeroResidual,
+    /// No step lowers the cost, however much it is damped.
+    NoProgress,
+    /// The iterations ran out.
+    MaxIterations,
+    /// The normal equations are singular beyond the gauge and damping is zero.
+    Singular,
+}
+
+impl Termination {
+    /// Whether the result is a minimum.
+    pub fn was_successful(self) -> bool {
+        matches!(
+            self,
+            Self::Converged | Self::ZeroResidual | Self::NoProgress
+        )
+    }
+
+    /// The name of the variant in lower case with underscores.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotRefined => "not_refined",
+            Self::Converged => "converged",
+            Self::ZeroResidual => "zero_residual",
+            Self::NoProgress => "no_progress",
+            Self::MaxIterations => "max_iterations",
+            Self::Singular => "singular",
+        }
+    }
+}
