@@ -3,6 +3,7 @@
 
 mod calibrated;
 mod motion;
+mod pair;
 mod projective;
 mod resect;
 mod tensor;

@@ -4,7 +4,7 @@
 //! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
-use super::motion::{LineMotion, Motion};
+use super::motion::{LineMotion, Motion, settle};
 use super::triangular::TriangularFactor;
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
@@ -90,7 +90,7 @@ impl<T: Real> CalibratedTensor<T> {
     /// # Errors
     /// [`Error::Degenerate`] when a side of the triangle of views vanishes: two views coincide.
     pub fn motions(&self, triples: &[Triple<T>]) -> Result<[Motion<T>; 2], Error> {
-        Ok(self.line_motions()?.map(|line| line.settle(triples)))
+        Ok(settle(&self.line_motions()?, triples))
     }
 
     /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
@@ -241,16 +241,8 @@ impl<T: Real> CalibratedTensor<T> {
             let turn2 = phase[1] * phase[2] * (alpha2 * beta * gamma).conj();
             let alpha = square_root(alpha2);
             LineMotion {
-                headings: [
-                    Complex::new(T::one(), T::zero()),
-                    square_root(turn1),
-                    square_root(turn2),
-                ],
-                positions: [
-                    Complex::new(T::zero(), T::zero()),
-                    -alpha.conj() * la,
-                    (alpha * beta).conj() * lb,
-                ],
+                headings: [square_root(turn1), square_root(turn2)],
+                positions: [-alpha.conj() * la, (alpha * beta).conj() * lb],
             }
         }))
     }

@@ -2,6 +2,7 @@
 //! Relative motion of three views, and the signs of the bearings that settle it.
 
 use super::Triple;
+use super::pair::{ComplexPair, Pair};
 use crate::geometry::{Pose, signed_angle};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
@@ -21,103 +22,187 @@ pub struct Motion<T: Real> {
     pub cost: T,
 }
 
-/// Three headings, each known modulo pi, and three positions, known up to a common sign.
+/// Headings of views 1 and 2, each known modulo pi, and their positions, known up to a common sign;
+/// view 0 is at the origin with heading 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineMotion<T: Real> {
     /// `e^{i theta}` of each view.
-    pub headings: [Complex<T>; 3],
-    /// Positions as complex numbers; the first is 0.
-    pub positions: [Complex<T>; 3],
+    pub headings: [Complex<T>; 2],
+    /// Positions as complex numbers.
+    pub positions: [Complex<T>; 2],
+}
+
+/// Settles every pi of two motions by the signs of the bearings.
+///
+/// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
+/// sightings decides; turning all three is turning the map.
+///
+/// Both motions go through the same operations in step.
+pub(super) fn settle<T: Real>(lines: &[LineMotion<T>; 2], triples: &[Triple<T>]) -> [Motion<T>; 2] {
+    let [one, other] = lines;
+    let headings: [_; 2] =
+        core::array::from_fn(|k| ComplexPair::new([one.headings[k], other.headings[k]]));
+    let positions: [_; 2] =
+        core::array::from_fn(|k| ComplexPair::new([one.positions[k], other.positions[k]]));
+    let zero = Pair::same(T::zero());
+    let mut squares = zero;
+    let mut met = Pair([0_usize; 2]);
+    let mut tallies = [Tally::new(); 3];
+    for [u, v, w] in triples {
+        let rays = [
+            ComplexPair::new([u.into_inner(); 2]),
+            headings[0].turned(v.into_inner()),
+            headings[1].turned(w.into_inner()),
+        ];
+        let offsets = [rays[1].cross(positions[0]), rays[2].cross(positions[1])];
+        let across = [
+            rays[1].cross(rays[2]),
+            rays[2].cross(rays[0]),
+            rays[0].cross(rays[1]),
+        ];
+        // The point as in `meet`, times the weight.
+        let weight = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
+        let point = rays[0].scaled(offsets[1] * across[1] - offsets[0] * across[2])
+            + rays[2].scaled(offsets[0] * across[0])
+            - rays[1].scaled(offsets[1] * across[0]);
+        let ahead = [
+            rays[0].dot(point),
+            rays[1].dot(point - positions[0].scaled(weight)),
+            rays[2].dot(point - positions[1].scaled(weight)),
+        ];
+        // The distances from the point to the lines are as the determinants of the other two (T10):
+        // one difference of nearly equal numbers instead of three.
+        let apart = offsets[0] * across[1] + offsets[1] * across[2];
+        let meet = weight.map(|weight| weight > T::eps() * T::eps());
+        let angles = squared_angles(ahead, across.map(|across| across * apart));
+        met = met.zip(meet, |met, meet| met + usize::from(meet));
+        for view in 0..3 {
+            let angle = angles[view].zip(meet, |angle, meet| if meet { angle } else { T::zero() });
+            let away = ahead[view].zip(meet, |ahead, meet| meet && ahead < T::zero());
+            squares = squares + angle;
+            tallies[view].add(angle.map(|square| square.sqrt()), away);
+        }
+    }
+    core::array::from_fn(|k| {
+        let tallies = tallies.map(|tally| tally.of(k));
+        lines[k].turned(met.0[k], squares.0[k], &tallies)
+    })
+}
+
+/// Squares of the angles by which rays miss their landmark, or its reflection for one behind.
+#[inline(always)]
+fn squared_angles<T: Real>(ahead: [Pair<T>; 3], beside: [Pair<T>; 3]) -> [Pair<T>; 3] {
+    let ratios: [Pair<T>; 3] = core::array::from_fn(|view| {
+        let ratio = beside[view].zip(ahead[view], |beside, ahead| beside / ahead);
+        ratio * ratio
+    });
+    let small = |pair: &Pair<T>| pair.0.iter().all(|ratio| *ratio <= T::lit(SERIES_RANGE));
+    if ratios.iter().all(small) {
+        ratios.map(|ratio| ratio.map(squared_arctangent))
+    } else {
+        core::array::from_fn(|view| {
+            ahead[view].zip(beside[view], |ahead, beside| {
+                let angle = signed_angle(ahead.abs(), beside);
+                angle * angle
+            })
+        })
+    }
+}
+
+/// Largest squared tangent for which the series of [`squared_arctangent`] is summed.
+const SERIES_RANGE: f64 = 1.0 / 256.0;
+
+/// The square of the arctangent of a small number, from the square of that number.
+///
+/// Term n is `(-1)^n q^(n+1) (1 + 1/3 + ... + 1/(2n+1)) / (n + 1)`; the first left out is below
+/// 1e-17 of the whole.
+#[inline(always)]
+fn squared_arctangent<T: Real>(q: T) -> T {
+    let mut sum = T::lit(88_069.0 / 315_315.0);
+    for coefficient in [
+        3_254.0 / 10_395.0,
+        563.0 / 1_575.0,
+        44.0 / 105.0,
+        23.0 / 45.0,
+        2.0 / 3.0,
+        1.0,
+    ] {
+        sum = T::lit(coefficient) - q * sum;
+    }
+    q * sum
 }
 
 impl<T: Real> LineMotion<T> {
-    /// Settles every pi by the signs of the bearings.
-    ///
-    /// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
-    /// sightings decides; turning all three is turning the map.
-    pub fn settle(&self, triples: &[Triple<T>]) -> Motion<T> {
-        // Per view the sightings that point at their landmark and those that point away: number, sum
-        // and sum of squares of the angles by which they miss the line.
-        let mut tallies = [[Tally::default(); 2]; 3];
-        for triple in triples {
-            let rays = self.rays(triple);
-            let Some(point) = meet(&rays, &self.positions) else {
-                continue;
-            };
-            for view in 0..3 {
-                let seen = rays[view].conj() * (point - self.positions[view]);
-                let angle = signed_angle(seen.re.abs(), seen.im).abs();
-                tallies[view][usize::from(seen.re < T::zero())].add(angle);
-            }
-        }
-        let turned = tallies.map(|[at, away]| away.count > at.count);
-        let mut cost = T::zero();
+    /// The motion with every view turned as most of its sightings want; `met` landmarks have a place.
+    fn turned(&self, met: usize, squares: T, tallies: &[(usize, T, T); 3]) -> Motion<T> {
+        let turned = tallies.map(|(away, ..)| away > met - away);
+        let mut cost = squares;
         let mut inconsistent = 0;
-        for view in 0..3 {
-            let [at, away] = if turned[view] {
-                [tallies[view][1], tallies[view][0]]
+        for (turned, (away, sum, sum_away)) in turned.iter().zip(tallies) {
+            let (wrong, sum) = if *turned {
+                (met - away, *sum - *sum_away)
             } else {
-                tallies[view]
+                (*away, *sum_away)
             };
-            cost += at.squares + away.squares_from_behind();
-            inconsistent += away.count;
+            // A sighting that points away misses by pi less the angle.
+            cost += (T::pi() * T::lit(wrong as f64) - T::lit(2.0) * sum) * T::pi();
+            inconsistent += wrong;
         }
-        let map_sign = if turned[0] { -T::one() } else { T::one() };
-        let scale = map_sign / self.positions[1].norm_sqr().sqrt();
-        let poses = core::array::from_fn(|view| {
-            let sign = if turned[view] == turned[0] {
-                T::one()
-            } else {
-                -T::one()
-            };
-            let position = self.positions[view] * scale;
+        let [first, second] = self.positions;
+        let sign = |turned: bool| if turned { -T::one() } else { T::one() };
+        let [sign0, sign1, sign2] = turned.map(sign);
+        let scale = sign0 / first.norm_sqr().sqrt();
+        let pose = |position: Complex<T>, rotation: Complex<T>| {
             Pose::from_parts(
                 Translation2::new(position.re, position.im),
-                UnitComplex::new_unchecked(self.headings[view] * sign),
+                UnitComplex::new_unchecked(rotation),
             )
-        });
+        };
         Motion {
-            poses,
+            poses: [
+                pose(
+                    Complex::new(T::zero(), T::zero()),
+                    Complex::new(T::one(), T::zero()),
+                ),
+                pose(first * scale, self.headings[0] * (sign0 * sign1)),
+                pose(second * scale, self.headings[1] * (sign0 * sign2)),
+            ],
             inconsistent,
             cost: cost * T::lit(0.5),
         }
     }
-
-    fn rays(&self, triple: &Triple<T>) -> [Complex<T>; 3] {
-        core::array::from_fn(|view| self.headings[view] * triple[view].into_inner())
-    }
 }
 
-/// Sightings of one view with one sign.
+/// Sightings of one view in two motions, by their sign.
 #[derive(Clone, Copy)]
-struct Tally<T: Real> {
-    count: usize,
-    sum: T,
-    squares: T,
-}
-
-impl<T: Real> Default for Tally<T> {
-    fn default() -> Self {
-        Self {
-            count: 0,
-            sum: T::zero(),
-            squares: T::zero(),
-        }
-    }
+struct Tally<T> {
+    /// How many point away from their landmark.
+    away: Pair<usize>,
+    /// Sum of the angles by which they miss the line: of all sightings, and of those that point away.
+    sum: Pair<T>,
+    sum_away: Pair<T>,
 }
 
 impl<T: Real> Tally<T> {
-    #[inline]
-    fn add(&mut self, angle: T) {
-        self.count += 1;
-        self.sum += angle;
-        self.squares += angle * angle;
+    /// The numbers of one motion.
+    fn of(&self, k: usize) -> (usize, T, T) {
+        (self.away.0[k], self.sum.0[k], self.sum_away.0[k])
     }
 
-    /// Sum of squares of pi less the angles.
-    fn squares_from_behind(&self) -> T {
-        let count = T::lit(self.count as f64);
-        (T::pi() * count - T::lit(2.0) * self.sum) * T::pi() + self.squares
+    fn new() -> Self {
+        Self {
+            away: Pair([0; 2]),
+            sum: Pair::same(T::zero()),
+            sum_away: Pair::same(T::zero()),
+        }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, angle: Pair<T>, away: Pair<bool>) {
+        self.sum = self.sum + angle;
+        self.sum_away =
+            self.sum_away + angle.zip(away, |angle, away| if away { angle } else { T::zero() });
+        self.away = self.away.zip(away, |count, away| count + usize::from(away));
     }
 }
 

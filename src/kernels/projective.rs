@@ -183,17 +183,17 @@ pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>,
 /// epipoles that should cross are parallel.
 pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotion<T>; 2], Error> {
     let mut result = [LineMotion {
-        headings: [Complex::new(T::one(), T::zero()); 3],
-        positions: [Complex::new(T::zero(), T::zero()); 3],
+        headings: [Complex::new(T::one(), T::zero()); 2],
+        positions: [Complex::new(T::zero(), T::zero()); 2],
     }; 2];
     for (motion, e) in result.iter_mut().zip(&epipoles.directions) {
         let e = e.map(|row| row.map(|v| Complex::new(v.x, v.y)));
         // View i sees j along the same line as j sees i, from the other end.
-        motion.headings[1] = e[0][1] * e[1][0].conj();
-        motion.headings[2] = e[0][2] * e[2][0].conj();
-        motion.positions[1] = e[0][1];
+        motion.headings[0] = e[0][1] * e[1][0].conj();
+        motion.headings[1] = e[0][2] * e[2][0].conj();
+        motion.positions[0] = e[0][1];
         // Third centre: where the epipole of view 0 crosses that of view 1.
-        let (from0, from1) = (e[0][2], motion.headings[1] * e[1][2]);
+        let (from0, from1) = (e[0][2], motion.headings[0] * e[1][2]);
         let sine = from0.re * from1.im - from0.im * from1.re;
         let bound = T::eps() * T::lit(64.0);
         if !(sine.abs() > bound) {
@@ -203,9 +203,9 @@ pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotio
                 bound: bound.as_f64(),
             });
         }
-        let start = motion.positions[1];
+        let start = motion.positions[0];
         let along = (start.re * from1.im - start.im * from1.re) / sine;
-        motion.positions[2] = from0 * along;
+        motion.positions[1] = from0 * along;
     }
     Ok(result)
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Three views from nothing: tensor, motion, signs.
 
+use super::motion::settle;
 use super::{
     CalibratedTensor, Motion, TrifocalTensor, Triple, epipoles, projective, projective_tensor,
 };
@@ -89,7 +90,7 @@ pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<Thre
             )
         }
     };
-    let [first, second] = lines.map(|line| line.settle(triples));
+    let [first, second] = settle(&lines, triples);
     let motions = if rank(&first) <= rank(&second) {
         [first, second]
     } else {

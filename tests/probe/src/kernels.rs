@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The calls that are proved and measured.
+
+use crate::scene::{Scene, Scenes};
+use bearslam::{
+    Method, Real, Triple, align, epipoles, projective_tensor, real_epipoles, resect, three_view,
+    transform_pose, triangulate, trifocal_tensor,
+};
+use core::ffi::CStr;
+use core::hint::black_box;
+
+/// A call of the crate on data of a scene.
+pub struct Kernel {
+    pub name: &'static CStr,
+    pub scalar: &'static CStr,
+    pub call: fn(&Scenes),
+}
+
+/// One line per call: its name, and what it does with the scene `s`.
+macro_rules! kernels {
+    ($($name:literal => $function:ident($s:ident) $body:block)*) => {
+        $(
+            #[inline(never)]
+            fn $function<T: Real>($s: &Scene<T>) $body
+        )*
+        pub static KERNELS: [Kernel; [$($name),*].len() * 2] = [$(
+            Kernel { name: $name, scalar: c"f32", call: |s| $function(&s.single) },
+            Kernel { name: $name, scalar: c"f64", call: |s| $function(&s.double) },
+        )*];
+    };
+}
+
+/// The first landmarks of a scene; the compiler does not know how many.
+fn first<U>(all: &[U], count: usize) -> &[U] {
+    all.get(..black_box(count)).unwrap_or(all)
+}
+
+/// Three views, and the landmarks of both motions.
+#[inline(always)]
+fn solve<T: Real>(triples: &[Triple<T>], method: Method) {
+    if let Ok(found) = black_box(three_view(triples, method)) {
+        for motion in &found.motions {
+            for triple in triples {
+                black_box(motion.landmark(triple));
+            }
+        }
+    }
+}
+
+kernels! {
+    c"three views, 5 landmarks" => five(s) {
+        solve(first(&s.triples, 5), Method::Calibrated { reweights: 0 });
+    }
+    c"three views, 15 landmarks, one reweight" => fifteen(s) {
+        solve(first(&s.triples, 15), Method::Calibrated { reweights: 1 });
+    }
+    c"three views, 7 landmarks, projective" => seven(s) {
+        solve(first(&s.triples, 7), Method::Projective);
+    }
+    c"trifocal tensor, 15 landmarks" => tensor(s) {
+        let _ = black_box(trifocal_tensor(first(&s.triples, 15), Method::Calibrated { reweights: 1 }));
+    }
+    c"projective tensor and epipoles, 15 landmarks" => projective(s) {
+        if let Ok(tensor) = black_box(projective_tensor(first(&s.triples, 15))) {
+            let _ = black_box(epipoles(&tensor));
+            let _ = black_box(real_epipoles(&tensor));
+        }
+    }
+    c"triangulate, 2 rays" => two_rays(s) {
+        let rays = first(&s.poses, 2).iter().zip(&s.bearings);
+        let _ = black_box(triangulate(rays.map(|(pose, [bearing, ..])| (*pose, *bearing))));
+    }
+    c"triangulate, 10 rays" => ten_rays(s) {
+        let rays = first(&s.poses, 10).iter().zip(&s.bearings);
+        let _ = black_box(triangulate(rays.map(|(pose, [bearing, ..])| (*pose, *bearing))));
+    }
+    c"resect, 3 landmarks" => three_landmarks(s) {
+        let [bearings, ..] = &s.bearings;
+        let _ = black_box(resect(first(&s.landmarks, 3).iter().copied().zip(bearings.iter().copied())));
+    }
+    c"resect, 10 landmarks" => ten_landmarks(s) {
+        let [bearings, ..] = &s.bearings;
+        let _ = black_box(resect(first(&s.landmarks, 10).iter().copied().zip(bearings.iter().copied())));
+    }
+    c"align, 15 points" => similarity(s) {
+        if let Ok(found) = black_box(align(first(&s.landmarks, 15), first(&s.moved, 15))) {
+            for pose in &s.poses {
+                black_box(transform_pose(&found, pose));
+            }
+        }
+    }
+}
