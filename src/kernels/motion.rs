@@ -32,23 +32,26 @@ pub(super) struct LineMotion<T: Real> {
     pub positions: [Complex<T>; 2],
 }
 
-/// Settles every pi of two motions by the signs of the bearings.
+/// Settles every pi of two motions by the signs of the bearings; each landmark goes to `place`, as
+/// both motions have it before they are turned and scaled.
 ///
 /// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
 /// sightings decides; turning all three is turning the map.
 ///
 /// Both motions go through the same operations in step.
-pub(super) fn settle<T: Real>(lines: &[LineMotion<T>; 2], triples: &[Triple<T>]) -> [Motion<T>; 2] {
+pub(super) fn settle<T: Real>(
+    lines: &[LineMotion<T>; 2],
+    triples: &[Triple<T>],
+    mut place: impl FnMut(usize, [Option<Complex<T>>; 2]),
+) -> [Settled<T>; 2] {
     let [one, other] = lines;
     let headings: [_; 2] =
         core::array::from_fn(|k| ComplexPair::new([one.headings[k], other.headings[k]]));
     let positions: [_; 2] =
         core::array::from_fn(|k| ComplexPair::new([one.positions[k], other.positions[k]]));
-    let zero = Pair::same(T::zero());
-    let mut squares = zero;
-    let mut met = Pair([0_usize; 2]);
     let mut tallies = [Tally::new(); 3];
-    for [u, v, w] in triples {
+    let mut unmet = [0_usize; 2];
+    for (index, [u, v, w]) in triples.iter().enumerate() {
         let rays = [
             ComplexPair::new([u.into_inner(); 2]),
             headings[0].turned(v.into_inner()),
@@ -70,43 +73,64 @@ pub(super) fn settle<T: Real>(lines: &[LineMotion<T>; 2], triples: &[Triple<T>])
             rays[1].dot(point - positions[0].scaled(weight)),
             rays[2].dot(point - positions[1].scaled(weight)),
         ];
-        // The distances from the point to the lines are as the determinants of the other two (T10):
-        // one difference of nearly equal numbers instead of three.
+        // The distances from the point to the lines are as the determinants of the other two: one
+        // difference of nearly equal numbers instead of three.
         let apart = offsets[0] * across[1] + offsets[1] * across[2];
-        let meet = weight.map(|weight| weight > T::eps() * T::eps());
-        let angles = squared_angles(ahead, across.map(|across| across * apart));
-        met = met.zip(meet, |met, meet| met + usize::from(meet));
-        for view in 0..3 {
-            let angle = angles[view].zip(meet, |angle, meet| if meet { angle } else { T::zero() });
-            let away = ahead[view].zip(meet, |ahead, meet| meet && ahead < T::zero());
-            squares = squares + angle;
-            tallies[view].add(angle.map(|square| square.sqrt()), away);
+        let beside = across.map(|across| across * apart);
+        let ratios: [Pair<T>; 3] = core::array::from_fn(|view| {
+            let ratio = beside[view].zip(ahead[view], |beside, ahead| beside / ahead);
+            ratio * ratio
+        });
+        let meets = weight.0.map(meets);
+        let small = |pair: &Pair<T>| pair.0.iter().all(|ratio| *ratio <= T::lit(SERIES_RANGE));
+        let squares = if meets == [true; 2] && ratios.iter().all(small) {
+            ratios.map(|ratio| ratio.map(squared_arctangent))
+        } else {
+            core::array::from_fn(|view| {
+                let [a, b] = beside[view].0;
+                let [c, d] = ahead[view].0;
+                Pair([
+                    square_of_angle(meets[0], c, a),
+                    square_of_angle(meets[1], d, b),
+                ])
+            })
+        };
+        for k in 0..2 {
+            unmet[k] += usize::from(!meets[k]);
         }
+        let behind = |ahead, meets| meets && ahead < T::zero();
+        for ((tally, squares), ahead) in tallies.iter_mut().zip(squares).zip(ahead) {
+            tally.add(squares, ahead.zip(Pair(meets), behind));
+        }
+        let share = weight.map(|weight| T::one() / weight);
+        let point = point.scaled(share);
+        place(
+            index,
+            core::array::from_fn(|k| {
+                meets[k].then_some(Complex::new(point.re.0[k], point.im.0[k]))
+            }),
+        );
     }
     core::array::from_fn(|k| {
-        let tallies = tallies.map(|tally| tally.of(k));
-        lines[k].turned(met.0[k], squares.0[k], &tallies)
+        lines[k].turned(triples.len() - unmet[k], &tallies.map(|tally| tally.of(k)))
     })
 }
 
-/// Squares of the angles by which rays miss their landmark, or its reflection for one behind.
-#[inline(always)]
-fn squared_angles<T: Real>(ahead: [Pair<T>; 3], beside: [Pair<T>; 3]) -> [Pair<T>; 3] {
-    let ratios: [Pair<T>; 3] = core::array::from_fn(|view| {
-        let ratio = beside[view].zip(ahead[view], |beside, ahead| beside / ahead);
-        ratio * ratio
-    });
-    let small = |pair: &Pair<T>| pair.0.iter().all(|ratio| *ratio <= T::lit(SERIES_RANGE));
-    if ratios.iter().all(small) {
-        ratios.map(|ratio| ratio.map(squared_arctangent))
+/// The square of the angle by which a ray misses its landmark, or the reflection of one behind.
+#[cold]
+fn square_of_angle<T: Real>(meets: bool, ahead: T, beside: T) -> T {
+    if meets {
+        let angle = signed_angle(ahead.abs(), beside);
+        angle * angle
     } else {
-        core::array::from_fn(|view| {
-            ahead[view].zip(beside[view], |ahead, beside| {
-                let angle = signed_angle(ahead.abs(), beside);
-                angle * angle
-            })
-        })
+        T::zero()
     }
+}
+
+/// Whether three lines whose squared determinants add to `weight` meet.
+#[inline(always)]
+fn meets<T: Real>(weight: T) -> bool {
+    weight > T::eps() * T::eps()
 }
 
 /// Largest squared tangent for which the series of [`squared_arctangent`] is summed.
@@ -115,30 +139,40 @@ const SERIES_RANGE: f64 = 1.0 / 256.0;
 /// The square of the arctangent of a small number, from the square of that number.
 ///
 /// Term n is `(-1)^n q^(n+1) (1 + 1/3 + ... + 1/(2n+1)) / (n + 1)`; the first left out is below
-/// 1e-17 of the whole.
+/// 1e-17 of the whole, and below 1e-10 where fewer than ten digits are kept.
 #[inline(always)]
 fn squared_arctangent<T: Real>(q: T) -> T {
-    let mut sum = T::lit(88_069.0 / 315_315.0);
-    for coefficient in [
-        3_254.0 / 10_395.0,
-        563.0 / 1_575.0,
-        44.0 / 105.0,
-        23.0 / 45.0,
-        2.0 / 3.0,
-        1.0,
-    ] {
-        sum = T::lit(coefficient) - q * sum;
+    let mut sum = if T::eps() > T::lit(1e-10) {
+        T::lit(-44.0 / 105.0)
+    } else {
+        let mut sum = T::lit(88_069.0 / 315_315.0);
+        for coefficient in [-3_254.0 / 10_395.0, 563.0 / 1_575.0, -44.0 / 105.0] {
+            sum = sum * q + T::lit(coefficient);
+        }
+        sum
+    };
+    for coefficient in [23.0 / 45.0, -2.0 / 3.0, 1.0] {
+        sum = sum * q + T::lit(coefficient);
     }
-    q * sum
+    sum * q
+}
+
+/// A motion with every view turned as most of its sightings want.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Settled<T: Real> {
+    pub motion: Motion<T>,
+    /// What the landmarks of the motion modulo pi are to be multiplied with.
+    pub scale: T,
 }
 
 impl<T: Real> LineMotion<T> {
     /// The motion with every view turned as most of its sightings want; `met` landmarks have a place.
-    fn turned(&self, met: usize, squares: T, tallies: &[(usize, T, T); 3]) -> Motion<T> {
+    fn turned(&self, met: usize, tallies: &[(usize, T, T, T); 3]) -> Settled<T> {
         let turned = tallies.map(|(away, ..)| away > met - away);
-        let mut cost = squares;
+        let mut cost = T::zero();
         let mut inconsistent = 0;
-        for (turned, (away, sum, sum_away)) in turned.iter().zip(tallies) {
+        for (turned, (away, squares, sum, sum_away)) in turned.iter().zip(tallies) {
+            cost += *squares;
             let (wrong, sum) = if *turned {
                 (met - away, *sum - *sum_away)
             } else {
@@ -158,7 +192,7 @@ impl<T: Real> LineMotion<T> {
                 UnitComplex::new_unchecked(rotation),
             )
         };
-        Motion {
+        let motion = Motion {
             poses: [
                 pose(
                     Complex::new(T::zero(), T::zero()),
@@ -169,7 +203,8 @@ impl<T: Real> LineMotion<T> {
             ],
             inconsistent,
             cost: cost * T::lit(0.5),
-        }
+        };
+        Settled { motion, scale }
     }
 }
 
@@ -178,30 +213,41 @@ impl<T: Real> LineMotion<T> {
 struct Tally<T> {
     /// How many point away from their landmark.
     away: Pair<usize>,
+    /// Sum of the squares of the angles by which they miss the line.
+    squares: Pair<T>,
     /// Sum of the angles by which they miss the line: of all sightings, and of those that point away.
     sum: Pair<T>,
     sum_away: Pair<T>,
 }
 
 impl<T: Real> Tally<T> {
-    /// The numbers of one motion.
-    fn of(&self, k: usize) -> (usize, T, T) {
-        (self.away.0[k], self.sum.0[k], self.sum_away.0[k])
-    }
-
     fn new() -> Self {
+        let zero = Pair::same(T::zero());
         Self {
             away: Pair([0; 2]),
-            sum: Pair::same(T::zero()),
-            sum_away: Pair::same(T::zero()),
+            squares: zero,
+            sum: zero,
+            sum_away: zero,
         }
     }
 
+    /// The numbers of one motion.
+    fn of(&self, k: usize) -> (usize, T, T, T) {
+        (
+            self.away.0[k],
+            self.squares.0[k],
+            self.sum.0[k],
+            self.sum_away.0[k],
+        )
+    }
+
     #[inline(always)]
-    fn add(&mut self, angle: Pair<T>, away: Pair<bool>) {
-        self.sum = self.sum + angle;
-        self.sum_away =
-            self.sum_away + angle.zip(away, |angle, away| if away { angle } else { T::zero() });
+    fn add(&mut self, squares: Pair<T>, away: Pair<bool>) {
+        let angles = squares.map(|square| square.sqrt());
+        let counted = angles.zip(away, |angle, away| if away { angle } else { T::zero() });
+        self.squares = self.squares + squares;
+        self.sum = self.sum + angles;
+        self.sum_away = self.sum_away + counted;
         self.away = self.away.zip(away, |count, away| count + usize::from(away));
     }
 }
@@ -236,7 +282,7 @@ fn meet<T: Real>(rays: &[Complex<T>; 3], positions: &[Complex<T>; 3]) -> Option<
         sum += (rays[j] * offsets[i] - rays[i] * offsets[j]) * determinant;
         weight += determinant * determinant;
     }
-    (weight > T::eps() * T::eps()).then(|| sum * (T::one() / weight))
+    meets(weight).then(|| sum * (T::one() / weight))
 }
 
 #[inline]

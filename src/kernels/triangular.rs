@@ -5,7 +5,7 @@ use crate::scalar::Real;
 use nalgebra::SVector;
 
 /// Rows that are eliminated together, by one Householder reflection per column.
-const BLOCK: usize = 6;
+const BLOCK: usize = 8;
 
 /// The factor R of `A = QR` for a matrix `A` with `N` columns and any number of rows.
 ///
@@ -31,8 +31,6 @@ pub struct TriangularFactor<T: Real, const N: usize> {
     /// Rows not yet folded in, column by column, zero beyond `waiting`.
     block: [[T; BLOCK]; N],
     waiting: usize,
-    /// Rows folded in.
-    folded: usize,
 }
 
 /// The two right singular vectors with the smallest singular values.
@@ -57,7 +55,6 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             factor: [[T::zero(); N]; N],
             block: [[T::zero(); BLOCK]; N],
             waiting: 0,
-            folded: 0,
         }
     }
 
@@ -65,43 +62,56 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     #[inline]
     pub fn push(&mut self, row: [T; N]) {
         for (column, value) in self.block.iter_mut().zip(row) {
-            column[self.waiting] = value;
+            if let Some(place) = column.get_mut(self.waiting) {
+                *place = value;
+            }
         }
         self.waiting += 1;
-        if self.waiting == BLOCK {
+        if self.waiting >= BLOCK {
             self.fold();
         }
     }
 
     /// Folds the waiting rows into R.
     fn fold(&mut self) {
+        if self.waiting <= BLOCK / 2 {
+            self.eliminate::<{ BLOCK / 2 }>();
+        } else {
+            self.eliminate::<BLOCK>();
+        }
+        self.waiting = 0;
+    }
+
+    /// Folds the first B rows of the block, which are all that wait. B is a constant, so that the
+    /// loops over rows become vector operations.
+    fn eliminate<const B: usize>(&mut self) {
         for k in 0..N {
             // Copies: the compiler then keeps them in registers.
-            let column = self.block[k];
+            let column = head::<T, B>(&self.block[k]);
             let pivot = self.factor[k][k];
             let below = dot(&column, &column);
             // A NaN goes in as well, and comes out in every number.
             if below != T::zero() {
                 let norm = (pivot * pivot + below).sqrt();
                 let signed = if pivot > T::zero() { -norm } else { norm };
-                let head = pivot - signed;
+                let first = pivot - signed;
                 let scale = T::one() / (norm * (norm + pivot.abs()));
                 self.factor[k][k] = signed;
                 for j in k + 1..N {
-                    let mut other = self.block[j];
+                    let mut other = head::<T, B>(&self.block[j]);
                     let above = self.factor[k][j];
-                    let step = (head * above + dot(&column, &other)) * scale;
-                    self.factor[k][j] = above - step * head;
-                    for i in 0..BLOCK {
+                    let step = (first * above + dot(&column, &other)) * scale;
+                    self.factor[k][j] = above - step * first;
+                    for i in 0..B {
                         other[i] -= step * column[i];
                     }
-                    self.block[j] = other;
+                    for (place, value) in self.block[j].iter_mut().zip(other) {
+                        *place = value;
+                    }
                 }
             }
             self.block[k] = [T::zero(); BLOCK];
         }
-        self.folded += self.waiting;
-        self.waiting = 0;
     }
 
     /// R, row by row; its lower part is zero.
@@ -110,32 +120,6 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             self.fold();
         }
         &self.factor
-    }
-
-    /// The right singular vector with the smallest singular value, and the two smallest values.
-    ///
-    /// With one row less than columns the vector is exact, by back substitution; otherwise as
-    /// [`TriangularFactor::null_space`], and the second value is an upper bound as it is there.
-    pub fn null_vector(&mut self) -> (SVector<T, N>, [T; 2]) {
-        let factor = *self.rows();
-        let (floor, inverse) = inverse_pivots(&factor);
-        if self.folded + 1 != N || inverse[..N - 1].iter().any(|v| v.abs() * floor >= T::one()) {
-            let null = self.null_space();
-            return (null.vectors[0], null.singular_values);
-        }
-        let mut vector = SVector::<T, N>::zeros();
-        vector[N - 1] = T::one();
-        back_substitute(&factor, &inverse, &mut vector);
-        // The last pivot is zero, so it only scaled the vector.
-        scale_to_unit(&mut vector);
-        // The rows of R span what those of the matrix do, so its least row is no shorter than the
-        // second smallest singular value.
-        let mut least = None;
-        for (k, row) in factor[..N - 1].iter().enumerate() {
-            let square = row[k..].iter().fold(T::zero(), |sum, v| sum + *v * *v);
-            least = Some(least.map_or(square, |other: T| other.min(square)));
-        }
-        (vector, [T::zero(), least.unwrap_or(T::zero()).sqrt()])
     }
 
     /// The two smallest singular values and their right singular vectors.
@@ -210,15 +194,28 @@ const STANDS_STILL: f64 = 0.1;
 /// which any member is as good as another.
 const MAX_STEPS: usize = 40;
 
+/// The first B numbers of a column of waiting rows.
 #[inline]
-fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> T {
-    // Two interleaved sums: their order is fixed, and they fit the vector registers.
-    let (mut even, mut odd) = (T::zero(), T::zero());
-    for k in 0..BLOCK / 2 {
-        even += a[2 * k] * b[2 * k];
-        odd += a[2 * k + 1] * b[2 * k + 1];
+fn head<T: Real, const B: usize>(column: &[T; BLOCK]) -> [T; B] {
+    let mut first = [T::zero(); B];
+    for (place, value) in first.iter_mut().zip(column) {
+        *place = *value;
     }
-    even + odd
+    first
+}
+
+/// The scalar product, as four interleaved sums: their order is fixed, and they fit the vector
+/// registers.
+#[inline]
+fn dot<T: Real, const B: usize>(a: &[T; B], b: &[T; B]) -> T {
+    let mut sums = [T::zero(); 4];
+    for (a, b) in a.chunks_exact(4).zip(b.chunks_exact(4)) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += *a * *b;
+        }
+    }
+    let [a, b, c, d] = sums;
+    (a + c) + (b + d)
 }
 
 /// Solves `R x = b` in place.

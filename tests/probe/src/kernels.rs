@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The calls that are proved and measured.
 
-use crate::scene::{Scene, Scenes};
+use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
     Method, Real, Triple, align, epipoles, projective_tensor, real_epipoles, resect, three_view,
-    transform_pose, triangulate, trifocal_tensor,
+    three_view_with_landmarks, transform_pose, triangulate, trifocal_tensor,
 };
 use core::ffi::CStr;
 use core::hint::black_box;
@@ -38,6 +38,16 @@ fn first<U>(all: &[U], count: usize) -> &[U] {
 /// Three views, and the landmarks of both motions.
 #[inline(always)]
 fn solve<T: Real>(triples: &[Triple<T>], method: Method) {
+    let mut landmarks = [[None; 2]; LANDMARKS];
+    if let Some(landmarks) = landmarks.get_mut(..triples.len()) {
+        let _ = black_box(three_view_with_landmarks(triples, method, landmarks));
+        black_box(landmarks);
+    }
+}
+
+/// The same, each landmark asked for by itself.
+#[inline(always)]
+fn solve_one_by_one<T: Real>(triples: &[Triple<T>], method: Method) {
     if let Ok(found) = black_box(three_view(triples, method)) {
         for motion in &found.motions {
             for triple in triples {
@@ -50,6 +60,9 @@ fn solve<T: Real>(triples: &[Triple<T>], method: Method) {
 kernels! {
     c"three views, 5 landmarks" => five(s) {
         solve(first(&s.triples, 5), Method::Calibrated { reweights: 0 });
+    }
+    c"three views, 5 landmarks, landmarks one by one" => five_one_by_one(s) {
+        solve_one_by_one(first(&s.triples, 5), Method::Calibrated { reweights: 0 });
     }
     c"three views, 15 landmarks, one reweight" => fifteen(s) {
         solve(first(&s.triples, 15), Method::Calibrated { reweights: 1 });
