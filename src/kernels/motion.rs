@@ -81,56 +81,37 @@ pub(super) fn settle<T: Real>(
             let ratio = beside[view].zip(ahead[view], |beside, ahead| beside / ahead);
             ratio * ratio
         });
-        let meets = weight.0.map(meets);
-        let small = |pair: &Pair<T>| pair.0.iter().all(|ratio| *ratio <= T::lit(SERIES_RANGE));
-        let squares = if meets == [true; 2] && ratios.iter().all(small) {
-            ratios.map(|ratio| ratio.map(squared_arctangent))
-        } else {
-            core::array::from_fn(|view| {
-                let [a, b] = beside[view].0;
-                let [c, d] = ahead[view].0;
-                Pair([
-                    square_of_angle(meets[0], c, a),
-                    square_of_angle(meets[1], d, b),
-                ])
-            })
-        };
-        for k in 0..2 {
-            unmet[k] += usize::from(!meets[k]);
-        }
-        let behind = |ahead, meets| meets && ahead < T::zero();
-        for ((tally, squares), ahead) in tallies.iter_mut().zip(squares).zip(ahead) {
-            tally.add(squares, ahead.zip(Pair(meets), behind));
-        }
         let share = weight.map(|weight| T::one() / weight);
-        let point = point.scaled(share);
-        place(
-            index,
-            core::array::from_fn(|k| {
-                meets[k].then_some(Complex::new(point.re.0[k], point.im.0[k]))
-            }),
-        );
+        let point = point.scaled(share).parts();
+        let Pair([one, other]) = ratios[0] + ratios[1] + ratios[2];
+        // Each weight is at most 3.
+        if one + other <= T::lit(SERIES_RANGE)
+            && weight.0[0] * weight.0[1] > T::lit(3.0) * parallel()
+        {
+            for ((tally, ratio), ahead) in tallies.iter_mut().zip(ratios).zip(ahead) {
+                tally.add(ratio.map(squared_arctangent), ahead);
+            }
+            place(index, point.map(Some));
+        } else {
+            let meets = weight.0.map(|weight| weight > parallel());
+            let here = tallies.iter_mut().zip(beside).zip(ahead);
+            here.for_each(|((tally, beside), ahead)| tally.add_far(beside, ahead, meets));
+            for k in 0..2 {
+                unmet[k] += usize::from(!meets[k]);
+            }
+            let [one, other] = point;
+            place(index, [meets[0].then_some(one), meets[1].then_some(other)]);
+        }
     }
     core::array::from_fn(|k| {
         lines[k].turned(triples.len() - unmet[k], &tallies.map(|tally| tally.of(k)))
     })
 }
 
-/// The square of the angle by which a ray misses its landmark, or the reflection of one behind.
-#[cold]
-fn square_of_angle<T: Real>(meets: bool, ahead: T, beside: T) -> T {
-    if meets {
-        let angle = signed_angle(ahead.abs(), beside);
-        angle * angle
-    } else {
-        T::zero()
-    }
-}
-
-/// Whether three lines whose squared determinants add to `weight` meet.
+/// Sum of squared determinants of three lines up to which they count as parallel.
 #[inline(always)]
-fn meets<T: Real>(weight: T) -> bool {
-    weight > T::eps() * T::eps()
+fn parallel<T: Real>() -> T {
+    T::eps() * T::eps()
 }
 
 /// Largest squared tangent for which the series of [`squared_arctangent`] is summed.
@@ -167,19 +148,20 @@ pub(super) struct Settled<T: Real> {
 
 impl<T: Real> LineMotion<T> {
     /// The motion with every view turned as most of its sightings want; `met` landmarks have a place.
-    fn turned(&self, met: usize, tallies: &[(usize, T, T, T); 3]) -> Settled<T> {
-        let turned = tallies.map(|(away, ..)| away > met - away);
+    fn turned(&self, met: usize, tallies: &[[T; 4]; 3]) -> Settled<T> {
+        let met = T::lit(met as f64);
+        let turned = tallies.map(|[away, ..]| away > met - away);
         let mut cost = T::zero();
-        let mut inconsistent = 0;
-        for (turned, (away, squares, sum, sum_away)) in turned.iter().zip(tallies) {
+        let mut inconsistent = T::zero();
+        for (turned, [away, squares, sum, sum_away]) in turned.iter().zip(tallies) {
             cost += *squares;
             let (wrong, sum) = if *turned {
-                (met - away, *sum - *sum_away)
+                (met - *away, *sum - *sum_away)
             } else {
                 (*away, *sum_away)
             };
             // A sighting that points away misses by pi less the angle.
-            cost += (T::pi() * T::lit(wrong as f64) - T::lit(2.0) * sum) * T::pi();
+            cost += (T::pi() * wrong - T::lit(2.0) * sum) * T::pi();
             inconsistent += wrong;
         }
         let [first, second] = self.positions;
@@ -192,6 +174,12 @@ impl<T: Real> LineMotion<T> {
                 UnitComplex::new_unchecked(rotation),
             )
         };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a count"
+        )]
+        let inconsistent = inconsistent.as_f64() as usize;
         let motion = Motion {
             poses: [
                 pose(
@@ -211,20 +199,21 @@ impl<T: Real> LineMotion<T> {
 /// Sightings of one view in two motions, by their sign.
 #[derive(Clone, Copy)]
 struct Tally<T> {
-    /// How many point away from their landmark.
-    away: Pair<usize>,
+    /// How many point away from their landmark; a number of the same kind as the others, to be in step
+    /// with them.
+    away: Pair<T>,
     /// Sum of the squares of the angles by which they miss the line.
     squares: Pair<T>,
-    /// Sum of the angles by which they miss the line: of all sightings, and of those that point away.
+    /// Sum of these angles: of all sightings, and of those that point away.
     sum: Pair<T>,
     sum_away: Pair<T>,
 }
 
 impl<T: Real> Tally<T> {
     fn new() -> Self {
-        let zero = Pair::same(T::zero());
+        let zero = Pair([T::zero(); 2]);
         Self {
-            away: Pair([0; 2]),
+            away: zero,
             squares: zero,
             sum: zero,
             sum_away: zero,
@@ -232,23 +221,31 @@ impl<T: Real> Tally<T> {
     }
 
     /// The numbers of one motion.
-    fn of(&self, k: usize) -> (usize, T, T, T) {
-        (
-            self.away.0[k],
-            self.squares.0[k],
-            self.sum.0[k],
-            self.sum_away.0[k],
-        )
+    fn of(&self, k: usize) -> [T; 4] {
+        [self.away, self.squares, self.sum, self.sum_away]
+            .map(|pair| if k == 0 { pair.0[0] } else { pair.0[1] })
     }
 
     #[inline(always)]
-    fn add(&mut self, squares: Pair<T>, away: Pair<bool>) {
+    fn add(&mut self, squares: Pair<T>, ahead: Pair<T>) {
         let angles = squares.map(|square| square.sqrt());
-        let counted = angles.zip(away, |angle, away| if away { angle } else { T::zero() });
+        let if_behind = |ahead, value| if ahead < T::zero() { value } else { T::zero() };
         self.squares = self.squares + squares;
         self.sum = self.sum + angles;
-        self.sum_away = self.sum_away + counted;
-        self.away = self.away.zip(away, |count, away| count + usize::from(away));
+        self.sum_away = self.sum_away + ahead.zip(angles, if_behind);
+        self.away = self.away + ahead.map(|ahead| if_behind(ahead, T::one()));
+    }
+
+    /// As [`Self::add`] for angles of any size, and for a landmark that has no place in one of the motions.
+    #[cold]
+    #[inline(never)]
+    fn add_far(&mut self, beside: Pair<T>, ahead: Pair<T>, meets: [bool; 2]) {
+        let angle = ahead.zip(beside, |ahead, beside| signed_angle(ahead.abs(), beside));
+        let if_meets = |value, meets| if meets { value } else { T::zero() };
+        self.add(
+            (angle * angle).zip(Pair(meets), if_meets),
+            ahead.zip(Pair(meets), if_meets),
+        );
     }
 }
 
@@ -282,7 +279,7 @@ fn meet<T: Real>(rays: &[Complex<T>; 3], positions: &[Complex<T>; 3]) -> Option<
         sum += (rays[j] * offsets[i] - rays[i] * offsets[j]) * determinant;
         weight += determinant * determinant;
     }
-    meets(weight).then(|| sum * (T::one() / weight))
+    (weight > parallel()).then(|| sum * (T::one() / weight))
 }
 
 #[inline]

@@ -11,11 +11,6 @@ pub(super) struct Pair<T>(pub [T; 2]);
 
 impl<T: Copy> Pair<T> {
     #[inline(always)]
-    pub fn same(value: T) -> Self {
-        Self([value; 2])
-    }
-
-    #[inline(always)]
     pub fn map<U>(self, function: impl Fn(T) -> U) -> Pair<U> {
         let [a, b] = self.0;
         Pair([function(a), function(b)])
@@ -87,6 +82,12 @@ impl<T: Real> ComplexPair<T> {
             re: Pair([a.re, b.re]),
             im: Pair([a.im, b.im]),
         }
+    }
+
+    #[inline(always)]
+    pub fn parts(self) -> [Complex<T>; 2] {
+        let (Pair([a, b]), Pair([c, d])) = (self.re, self.im);
+        [Complex::new(a, c), Complex::new(b, d)]
     }
 
     /// Both times one number.
