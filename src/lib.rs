@@ -76,7 +76,9 @@ pub use estimation::{
     RefineOptions, Report, Seen, Sighting, Subject, Termination, Undetermined, Watch, Why,
     covariance, refine_map,
 };
-pub use geometry::{Bearing, Pose, align, bearing_to, pose, signed_angle, transform_pose};
+pub use geometry::{
+    Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
+};
 pub use kernels::*;
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

@@ -3,7 +3,7 @@
 
 use super::Triple;
 use super::pair::{ComplexPair, Pair};
-use crate::geometry::{Pose, signed_angle};
+use crate::geometry::{Bearing, Pose, signed_angle};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
 
@@ -262,6 +262,40 @@ impl<T: Real> Motion<T> {
             .map(|pose| Complex::new(pose.translation.x, pose.translation.y));
         meet(&rays, &positions).map(|point| Point2::new(point.re, point.im))
     }
+
+    /// Point transfer: the bearing in view 2 of the landmark that views 0 and 1 see at `u` and `v`.
+    ///
+    /// Oriented, unlike [`TrifocalTensor::transfer`](super::TrifocalTensor::transfer). The landmark is
+    /// where the two lines of sight cross, ahead of the views or not: [`is_ahead`](crate::is_ahead)
+    /// tells. `None` when the two are parallel, or cross at view 2.
+    ///
+    /// # Example
+    /// ```
+    /// # use bearslam::{three_view, bearing_to, pose, Method};
+    /// # let views = [pose(0.0, 0.0, 0.1), pose(3.0, 0.5, 0.7), pose(1.0, 3.0, -0.4)];
+    /// # let points = [[1.0, 1.5], [2.0, 4.0], [-1.0, 2.0], [4.0, 3.0], [2.0, -2.0], [0.5, -1.0]];
+    /// # let triples = points.map(|point| views.map(|view| bearing_to(&view, &point.into()).unwrap()));
+    /// let found = three_view(&triples, Method::Calibrated { reweights: 0 })?;
+    /// let [u, v, w] = &triples[0];
+    /// let transferred = found.motions[0].transfer(u, v).unwrap();
+    /// assert!(transferred.angle_to(w).abs() < 1e-12);
+    /// # Ok::<(), bearslam::Error>(())
+    /// ```
+    pub fn transfer(&self, u: &Bearing<T>, v: &Bearing<T>) -> Option<Bearing<T>> {
+        let [p, q, r] = self
+            .poses
+            .map(|pose| Complex::new(pose.translation.x, pose.translation.y));
+        let [first, second, third] = self.poses.map(|pose| pose.rotation.into_inner());
+        let (first, second) = (first * u.into_inner(), second * v.into_inner());
+        let across = cross(first, second);
+        // The crossing as seen from view 2, times the determinant.
+        let seen = second * cross(first, p) - first * cross(second, q) - r * across;
+        let seen = if across < T::zero() { -seen } else { seen } * third.conj();
+        let norm = seen.norm_sqr().sqrt();
+        let size = (p.norm_sqr() + q.norm_sqr() + r.norm_sqr()).sqrt();
+        (across.abs() > T::eps() && norm > T::eps() * size)
+            .then(|| UnitComplex::new_unchecked(seen * (T::one() / norm)))
+    }
 }
 
 /// The point with the least sum of squared distances to three lines.
@@ -285,4 +319,165 @@ fn meet<T: Real>(rays: &[Complex<T>; 3], positions: &[Complex<T>; 3]) -> Option<
 #[inline]
 fn cross<T: Real>(a: Complex<T>, b: Complex<T>) -> T {
     a.re * b.im - a.im * b.re
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{bearing_to, pose};
+
+    /// What [`settle`] does for one motion, landmark by landmark and view by view.
+    fn plain(line: &LineMotion<f64>, triples: &[Triple<f64>]) -> (Motion<f64>, [bool; 3]) {
+        let one = Complex::new(1.0, 0.0);
+        let headings = [one, line.headings[0], line.headings[1]];
+        let positions = [Complex::new(0.0, 0.0), line.positions[0], line.positions[1]];
+        // The angles by which sightings miss the line, of those that point at it and of the others.
+        let mut misses = [[(0, 0.0, 0.0); 2]; 3];
+        for triple in triples {
+            let rays = core::array::from_fn(|view| headings[view] * triple[view].into_inner());
+            let Some(point) = meet(&rays, &positions) else {
+                continue;
+            };
+            for view in 0..3 {
+                let seen = rays[view].conj() * (point - positions[view]);
+                let angle = seen.im.abs().atan2(seen.re.abs());
+                let miss = &mut misses[view][usize::from(seen.re < 0.0)];
+                miss.0 += 1;
+                miss.1 += angle * angle;
+                miss.2 += (core::f64::consts::PI - angle).powi(2);
+            }
+        }
+        let turned = misses.map(|[at, away]| away.0 > at.0);
+        let mut cost = 0.0;
+        let mut inconsistent = 0;
+        for (turned, [at, away]) in turned.iter().zip(misses) {
+            let (at, away) = if *turned { (away, at) } else { (at, away) };
+            cost += at.1 + away.2;
+            inconsistent += away.0;
+        }
+        let sign = |turned: bool| if turned { -1.0 } else { 1.0 };
+        let scale = sign(turned[0]) / positions[1].norm();
+        let poses = core::array::from_fn(|view| {
+            let position = positions[view] * scale;
+            let heading = headings[view] * sign(turned[view]) * sign(turned[0]);
+            pose(position.re, position.im, heading.arg())
+        });
+        let motion = Motion {
+            poses,
+            inconsistent,
+            cost: cost / 2.0,
+        };
+        (motion, turned)
+    }
+
+    /// Numbers in (-1, 1) of no pattern.
+    fn noise(seed: usize) -> f64 {
+        ((seed as f64 * 12.9898).sin() * 43_758.545_3).rem_euclid(2.0) - 1.0
+    }
+
+    fn line(seed: usize) -> LineMotion<f64> {
+        let complex = |k: usize| Complex::new(noise(seed + k), noise(seed + k + 1));
+        LineMotion {
+            headings: [complex(0), complex(2)].map(|z| z / z.norm()),
+            positions: [complex(4), complex(6)],
+        }
+    }
+
+    #[test]
+    fn settling_in_step_is_settling_one_by_one() {
+        for trial in 0..300 {
+            let lines = [line(100 * trial), line(100 * trial + 8)];
+            // Bearings of the first motion with small errors, with large ones, and of no motion at all.
+            let error = [1e-3, 0.1, 4.0][trial % 3];
+            let mut triples: [Triple<f64>; 7] = core::array::from_fn(|j| {
+                let seed = 100 * trial + 16 + 8 * j;
+                let point = Point2::new(3.0 * noise(seed), 3.0 * noise(seed + 1));
+                core::array::from_fn(|view| {
+                    let [heading, place] = match view {
+                        0 => [Complex::new(1.0, 0.0), Complex::new(0.0, 0.0)],
+                        _ => [lines[0].headings[view - 1], lines[0].positions[view - 1]],
+                    };
+                    let view_pose = pose(place.re, place.im, heading.arg());
+                    let exact = bearing_to(&view_pose, &point).unwrap();
+                    exact * UnitComplex::new(error * noise(seed + 2 + view))
+                })
+            });
+            if trial % 5 == 0 {
+                // Three rays that are parallel under the first motion.
+                triples[3] = [
+                    UnitComplex::identity(),
+                    UnitComplex::new_unchecked(lines[0].headings[0].conj()),
+                    UnitComplex::new_unchecked(-lines[0].headings[1].conj()),
+                ];
+            }
+            let mut places = [[None; 2]; 7];
+            let found = settle(&lines, &triples, |index, both| places[index] = both);
+            for k in 0..2 {
+                let (expected, _) = plain(&lines[k], &triples);
+                let Settled { motion, scale } = found[k];
+                assert_eq!(motion.inconsistent, expected.inconsistent, "{trial}");
+                assert!((motion.cost - expected.cost).abs() < 1e-11 * (1.0 + expected.cost));
+                for (found, expected) in motion.poses.iter().zip(&expected.poses) {
+                    let apart = found.to_homogeneous() - expected.to_homogeneous();
+                    assert!(apart.norm() < 1e-13);
+                }
+                for (place, triple) in places.iter().zip(&triples) {
+                    let place = place[k].map(|place| place * scale);
+                    let expected = motion.landmark(triple);
+                    assert_eq!(place.is_some(), expected.is_some());
+                    if let (Some(place), Some(expected)) = (place, expected) {
+                        let apart = Complex::new(expected.x, expected.y) - place;
+                        assert!(apart.norm() < 1e-10 * (1.0 + place.norm()), "{trial}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn squares_of_arctangents() {
+        for k in 0..=1000 {
+            let q = f64::from(k) / 1000.0 * SERIES_RANGE;
+            let expected = q.sqrt().atan().powi(2);
+            assert!((squared_arctangent(q) - expected).abs() <= 4.0 * f64::EPSILON * expected);
+        }
+    }
+
+    #[test]
+    fn transfer_is_the_bearing_of_the_landmark() {
+        let mut sides = [0; 2];
+        for trial in 0..200 {
+            let line = line(50 * trial);
+            let views = [
+                pose(0.0, 0.0, 0.3),
+                pose(
+                    line.positions[0].re,
+                    line.positions[0].im,
+                    line.headings[0].arg(),
+                ),
+                pose(
+                    line.positions[1].re,
+                    line.positions[1].im,
+                    line.headings[1].arg(),
+                ),
+            ];
+            let motion = Motion {
+                poses: views,
+                inconsistent: 0,
+                cost: 0.0,
+            };
+            let point = Point2::new(5.0 * noise(50 * trial + 20), 5.0 * noise(50 * trial + 21));
+            let [u, v, w] = views.map(|view| bearing_to(&view, &point).unwrap());
+            let parallax = (views[0].rotation * u).angle_to(&(views[1].rotation * v));
+            if parallax.sin().abs() > 1e-3 {
+                sides[usize::from(parallax.sin() < 0.0)] += 1;
+                let found = motion.transfer(&u, &v).unwrap();
+                assert!(found.angle_to(&w).abs() < 1e-11);
+            }
+            // The same direction in the map: no crossing.
+            let parallel = views[1].rotation.inverse() * views[0].rotation * u;
+            assert!(motion.transfer(&u, &parallel).is_none());
+        }
+        assert!(sides.iter().all(|&side| side > 20));
+    }
 }

@@ -3,8 +3,9 @@
 
 use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
-    Method, Real, Triple, align, epipoles, projective_tensor, real_epipoles, resect, three_view,
-    three_view_with_landmarks, transform_pose, triangulate, trifocal_tensor,
+    Bearing, CalibratedTensor, Method, Real, Triple, align, bearing_to, epipoles, is_ahead,
+    projective_tensor, real_epipoles, resect, signed_angle, three_view, three_view_with_landmarks,
+    transform_pose, triangulate, trifocal_tensor,
 };
 use core::ffi::CStr;
 use core::hint::black_box;
@@ -94,6 +95,40 @@ kernels! {
     c"resect, 10 landmarks" => ten_landmarks(s) {
         let [bearings, ..] = &s.bearings;
         let _ = black_box(resect(first(&s.landmarks, 10).iter().copied().zip(bearings.iter().copied())));
+    }
+    c"transfer and cheirality, 15 landmarks" => transfer(s) {
+        if let Ok(found) = black_box(three_view(first(&s.triples, 15), Method::Calibrated { reweights: 0 })) {
+            for motion in &found.motions {
+                let [pose, ..] = &motion.poses;
+                for triple in &s.triples {
+                    let [u, v, _] = triple;
+                    black_box(motion.transfer(u, v));
+                    black_box(motion.landmark(triple).map(|point| is_ahead(pose, u, &point)));
+                }
+            }
+        }
+    }
+    c"tensors, 15 landmarks" => tensors(s) {
+        let triples = first(&s.triples, 15);
+        if let Ok(found) = CalibratedTensor::estimate(triples, black_box(2)) {
+            let tensor = black_box(found.tensor());
+            black_box((found.kappa(), found.quality()));
+            let _ = black_box(found.motions(triples));
+            for triple in triples {
+                let [u, v, _] = triple;
+                black_box((tensor.sampson_residual(triple), tensor.transfer(u, v)));
+                black_box(found.sampson_square(triple, &[T::one(); 3]));
+            }
+        }
+        let pair = CalibratedTensor::null_pair(first(&s.triples, 4));
+        black_box(CalibratedTensor::combine(&pair, T::one(), T::one()));
+    }
+    c"pose, bearing, angle" => angles(s) {
+        let [pose, ..] = &s.poses;
+        let [point, ..] = &s.landmarks;
+        let heading = signed_angle(black_box(pose.rotation.re), pose.rotation.im);
+        let pose = black_box(bearslam::pose(point.x, point.y, heading));
+        black_box(Bearing::new(bearing_to(&pose, point).map_or(heading, |bearing| bearing.angle())));
     }
     c"align, 15 points" => similarity(s) {
         if let Ok(found) = black_box(align(first(&s.landmarks, 15), first(&s.moved, 15))) {
