@@ -54,31 +54,24 @@ fn print(kernel: &Kernel, number: u64) {
     }
 }
 
-/// Bytes of stack that are looked at.
+/// Bytes of stack that are looked at, and those next to the frame of [`stack`], which are left alone.
 const DEPTH: usize = 1 << 16;
+const MARGIN: usize = 256;
 const PAINT: u8 = 0xa5;
 
-/// The stack below this frame, as it was left.
-#[inline(never)]
-fn with_stack<R>(look: fn(&mut [core::mem::MaybeUninit<u8>; DEPTH]) -> R) -> R {
-    let mut below = [const { core::mem::MaybeUninit::uninit() }; DEPTH];
-    look(black_box(&mut below))
-}
-
-/// Bytes of stack that one call has written.
+/// Bytes of stack from the frame of this function down to the lowest that one call has written.
 #[inline(never)]
 fn stack(kernel: &Kernel, scenes: &Scenes) -> u64 {
-    with_stack(|below| {
-        below.iter_mut().for_each(|byte| {
-            // SAFETY: a byte of our own.
-            unsafe { byte.as_mut_ptr().write_volatile(PAINT) }
-        })
-    });
+    let here = 0_u8;
+    let top = black_box(&raw const here).cast_mut();
+    for depth in MARGIN..DEPTH {
+        // SAFETY: the stack is far deeper than this, and nothing below this frame is alive.
+        unsafe { top.wrapping_sub(depth).write_volatile(PAINT) }
+    }
     bearslam_measured(kernel, scenes);
-    with_stack(|below| {
-        // SAFETY: not written by this function, but by the one that painted, on purpose.
-        let painted =
-            |byte: &core::mem::MaybeUninit<u8>| unsafe { byte.as_ptr().read_volatile() } == PAINT;
-        (DEPTH - below.iter().take_while(|byte| painted(byte)).count()) as u64
-    })
+    let painted = |depth: &usize| {
+        // SAFETY: written above, and maybe by the call.
+        unsafe { top.wrapping_sub(*depth).read_volatile() == PAINT }
+    };
+    (DEPTH - (MARGIN..DEPTH).rev().take_while(painted).count()) as u64
 }

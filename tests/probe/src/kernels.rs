@@ -11,6 +11,10 @@ use core::ffi::CStr;
 use core::hint::black_box;
 
 /// A call of the crate on data of a scene.
+#[cfg_attr(
+    target_os = "none",
+    expect(dead_code, reason = "names are for the host")
+)]
 pub struct Kernel {
     pub name: &'static CStr,
     pub scalar: &'static CStr,
