@@ -6,7 +6,7 @@
 
 use super::complement::complement;
 use super::motion::{LineMotion, Motion, settle};
-use super::triangular::TriangularFactor;
+use super::triangular::{TriangularFactor, still};
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
 use crate::scalar::Real;
@@ -34,6 +34,10 @@ pub struct CalibratedTensor<T: Real> {
 
 /// Fewest landmarks that determine the calibrated tensor linearly.
 pub(super) const MIN_LANDMARKS: usize = 5;
+
+/// Squared movement of a tensor that is good enough to take weights from: they are wrong by a
+/// thousandth then, and the next tensor by a thousandth of its error.
+const ROUGHLY_STILL: f64 = 1e-6;
 
 impl<T: Real> CalibratedTensor<T> {
     /// Estimates the tensor from the bearings of `n >= 5` landmarks.
@@ -63,12 +67,20 @@ impl<T: Real> CalibratedTensor<T> {
             let (vector, second) = complement(&rows);
             Self::from_vector(&vector, [T::zero(), second])
         } else {
-            let mut tensor = Self::least(factor(triples, |_| T::one()));
-            for _ in 0..reweights {
+            // Weights need few digits: only the last vector is found to the end.
+            let still = |round| {
+                if round < reweights {
+                    T::lit(ROUGHLY_STILL)
+                } else {
+                    still()
+                }
+            };
+            let mut tensor = Self::least(factor(triples, |_| T::one()), still(0));
+            for round in 1..=reweights {
                 if !(tensor.singular_values[1] > bound) {
                     break;
                 }
-                tensor = Self::least(factor(triples, |row| tensor.weight(row)));
+                tensor = Self::least(factor(triples, |row| tensor.weight(row)), still(round));
             }
             tensor
         };
@@ -118,8 +130,8 @@ impl<T: Real> CalibratedTensor<T> {
     }
 
     /// The tensor that fits rows best.
-    fn least(mut factor: TriangularFactor<T, 6>) -> Self {
-        let null = factor.null_space();
+    fn least(mut factor: TriangularFactor<T, 6>, still: T) -> Self {
+        let null = factor.null_space_within(still);
         Self::from_vector(&null.vectors[0], null.singular_values)
     }
 

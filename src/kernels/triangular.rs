@@ -130,7 +130,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// the first vector stands still, or after 40 steps. The second value is then an upper
     /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
-        self.null_space_within(T::eps() * T::lit(STANDS_STILL))
+        self.null_space_within(still())
     }
 
     /// As [`Self::null_space`]; ends when the next step would move the first vector by no more than this,
@@ -196,9 +196,10 @@ fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> [T; N] {
     })
 }
 
-/// Squared movement, in units of rounding, of a vector that stands still: far below any noise that is
-/// there.
-const STANDS_STILL: f64 = 0.1;
+/// Squared movement of a vector that stands still: far below any noise that is there.
+pub(super) fn still<T: Real>() -> T {
+    T::eps() * T::lit(0.1)
+}
 
 /// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
 /// which any member is as good as another.
