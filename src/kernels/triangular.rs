@@ -62,12 +62,14 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// Appends a row to the matrix.
     #[inline]
     pub fn push(&mut self, row: [T; N]) {
-        for (column, value) in self.block.iter_mut().zip(row) {
-            if let Some(place) = column.get_mut(self.waiting) {
-                *place = value;
+        let place = self.waiting;
+        // Always so; the compiler sees no panic then.
+        if place < BLOCK {
+            for (column, value) in self.block.iter_mut().zip(row) {
+                column[place] = value;
             }
+            self.waiting = place + 1;
         }
-        self.waiting += 1;
         if self.waiting >= BLOCK {
             self.fold();
         }
