@@ -135,8 +135,8 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         self.null_space_within(still())
     }
 
-    /// As [`Self::null_space`]; ends when the next step would move the first vector by no more than this,
-    /// squared, if it shortens the movement as the last one has.
+    /// As [`Self::null_space`]; ends when a step has moved the first vector by no more than this,
+    /// squared, or the next one would, if it shortens the movement as this one has.
     pub(super) fn null_space_within(&mut self, still: T) -> NullSpace<T, N> {
         let factor = self.rows();
         let inverse = inverse_pivots(factor);
@@ -149,7 +149,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         back_substitute(factor, &inverse, &mut vectors);
         orthonormalize(&mut vectors);
         let mut values = rayleigh_ritz(factor, &mut vectors);
-        let mut last = one;
+        let mut last = zero;
         for _ in 0..MAX_STEPS {
             let before = vectors;
             // Orthonormal after each half of the step: a vanishing singular value turns both vectors
@@ -160,7 +160,8 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             orthonormalize(&mut vectors);
             values = rayleigh_ritz(factor, &mut vectors);
             let movement = moved(&before, &vectors);
-            if movement * movement <= still * last {
+            // With room for a next step that shortens it ten times less.
+            if movement <= still || movement * movement * T::lit(100.0) <= still * last {
                 break;
             }
             last = movement;
