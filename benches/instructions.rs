@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     let mut counts = counts.iter();
     let mut costs = Vec::new();
     for ((kernel, scenes), (_, stack)) in kernels.into_iter().zip(stacks) {
-        let counts: Vec<u64> = counts.by_ref().take(scenes as usize).copied().collect();
+        let counts: Vec<u64> = (0..scenes).map_while(|_| counts.next().copied()).collect();
         assert_eq!(counts.len() as u64, scenes, "one count for each scene");
         let cost = Cost {
             mean: counts.iter().sum::<u64>() / scenes,

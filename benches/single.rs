@@ -192,7 +192,7 @@ fn main() {
     for (name, kernel) in KERNELS {
         let (mut ratios, mut alone, mut both) = (Vec::new(), 0, 0);
         for seed in 0..scenes {
-            let layout = [Layout::Mixed, Layout::Enclosed][(seed % 2) as usize];
+            let layout = [Layout::Mixed, Layout::Enclosed][usize::from(seed % 2 == 1)];
             let scene = simulate(layout, VIEWS, LANDMARKS, 0.0, seed, Arena::default());
             match ratio(kernel, &scene.expect("a scene"), seed) {
                 Some(value) if value.is_finite() => ratios.push(value),

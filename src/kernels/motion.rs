@@ -73,8 +73,7 @@ pub(super) fn settle<T: Real>(
             rays[1].dot(point - positions[0].scaled(weight)),
             rays[2].dot(point - positions[1].scaled(weight)),
         ];
-        // The distances from the point to the lines are as the determinants of the other two: one
-        // difference of nearly equal numbers instead of three.
+        // (T10a): one difference of nearly equal numbers instead of three.
         let apart = offsets[0] * across[1] + offsets[1] * across[2];
         let beside = across.map(|across| across * apart);
         let ratios: [Pair<T>; 3] = core::array::from_fn(|view| {
@@ -272,7 +271,7 @@ impl<T: Real> Motion<T> {
     /// # Example
     /// ```
     /// # use bearslam::{three_view, bearing_to, pose, Method};
-    /// # let views = [pose(0.0, 0.0, 0.1), pose(3.0, 0.5, 0.7), pose(1.0, 3.0, -0.4)];
+    /// # let views = [pose(0.0_f64, 0.0, 0.1), pose(3.0, 0.5, 0.7), pose(1.0, 3.0, -0.4)];
     /// # let points = [[1.0, 1.5], [2.0, 4.0], [-1.0, 2.0], [4.0, 3.0], [2.0, -2.0], [0.5, -1.0]];
     /// # let triples = points.map(|point| views.map(|view| bearing_to(&view, &point.into()).unwrap()));
     /// let found = three_view(&triples, Method::Calibrated { reweights: 0 })?;
