@@ -72,6 +72,9 @@ kernels! {
     c"three views, 15 landmarks, one reweight" => fifteen(s) {
         solve(first(&s.triples, 15), Method::Calibrated { reweights: 1 });
     }
+    c"three views, 15 landmarks, one reweight, no landmarks" => fifteen_motions(s) {
+        let _ = black_box(three_view(first(&s.triples, 15), Method::Calibrated { reweights: 1 }));
+    }
     c"three views, 7 landmarks, projective" => seven(s) {
         solve(first(&s.triples, 7), Method::Projective);
     }
