@@ -27,7 +27,7 @@ help: ## Show this help
 demo: $(VENV)/.installed ## Solve the paper's two robot experiments and draw them into ./demo/
 	$(BIN)/bearslam demo --output demo
 
-test: test-rust test-python ## Run all tests, Rust and Python
+test: test-rust probe test-python ## Run all tests, Rust and Python
 
 all: lint test ## What CI runs: lint and test
 
@@ -35,6 +35,27 @@ test-rust:
 	cargo test $(LOCKED) --features rayon
 	cargo check $(LOCKED) --no-default-features
 	cargo check $(LOCKED) --no-default-features --features alloc
+
+PROBE := $(LOCKED) --quiet --release --manifest-path tests/probe/Cargo.toml --target-dir target/probe
+# Of these, what the toolchain has.
+BARE := thumbv7em-none-eabihf riscv32imac-unknown-none-elf
+
+probe: ## Prove that the kernels need no std, no heap and no panic
+	@# No crate below has its std or alloc feature on.
+	@mkdir -p target/probe
+	cargo tree $(LOCKED) --no-default-features --edges normal,features > target/probe/tree.txt
+	! grep -E '"(std|alloc)"' target/probe/tree.txt
+	@# It links only without a panic and without an allocator.
+	cargo build $(PROBE)
+	nm target/probe/release/probe > target/probe/symbols.txt
+	! grep -E 'panic|alloc|unwind' target/probe/symbols.txt
+	@for target in $(BARE); do \
+		if [[ -d $$(rustc --print sysroot)/lib/rustlib/$$target ]]; then \
+			echo "cargo build --target $$target"; cargo build $(PROBE) --target $$target; \
+		else \
+			echo "SKIPPED $$target: rustup target add $$target"; \
+		fi; \
+	done
 
 test-python: $(VENV)/.installed $(VENV)/.dev
 	$(BIN)/python -m mypy.stubtest bearslam --allowlist tests/python/stubtest.txt --ignore-unused-allowlist
@@ -47,6 +68,8 @@ format: $(VENV)/.dev ## Format Rust and Python
 
 lint: $(VENV)/.dev ## Check format, clippy, ruff, types and documentation
 	cargo fmt --check
+	cargo fmt --check --manifest-path tests/probe/Cargo.toml
+	cargo clippy $(PROBE) -- -D warnings
 	cargo clippy $(LOCKED) --all-targets -- -D warnings
 	cargo clippy $(LOCKED) --all-targets --all-features -- -D warnings
 	cargo clippy $(LOCKED) --no-default-features -- -D warnings
@@ -92,4 +115,4 @@ $(VENV)/.installed: dist/.built
 	wheel=$$(echo dist/*.whl); $(PIP) install --quiet "$$wheel[plot]"
 	touch $@
 
-.PHONY: help demo test test-rust test-python all format lint wheel bench docs clean
+.PHONY: help demo test test-rust probe test-python all format lint wheel bench docs clean

@@ -5,4 +5,4 @@ mod align;
 mod bearing;
 
 pub use align::{align, transform_pose};
-pub use bearing::{Bearing, Pose, bearing_to, pose, signed_angle};
+pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle};

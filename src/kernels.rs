@@ -2,7 +2,9 @@
 //! Closed-form estimators of fixed size: no heap, constant memory for any number of landmarks.
 
 mod calibrated;
+mod complement;
 mod motion;
+mod pair;
 mod projective;
 mod resect;
 mod tensor;
@@ -17,7 +19,7 @@ pub use projective::{
 };
 pub use resect::{Resection, resect};
 pub use tensor::TrifocalTensor;
-pub use three_view::{Method, ThreeView, three_view, trifocal_tensor};
+pub use three_view::{Method, ThreeView, three_view, three_view_with_landmarks, trifocal_tensor};
 pub use triangular::{NullSpace, TriangularFactor};
 pub use triangulate::{Triangulation, triangulate};
 

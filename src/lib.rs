@@ -80,7 +80,9 @@ pub use estimation::{
     refine_map,
 };
 pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
-pub use geometry::{Bearing, Pose, align, bearing_to, pose, signed_angle, transform_pose};
+pub use geometry::{
+    Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
+};
 pub use kernels::*;
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

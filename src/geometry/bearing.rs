@@ -44,6 +44,24 @@ pub fn bearing_to<T: Real>(pose: &Pose<T>, point: &Point2<T>) -> Option<Bearing<
         .then(|| UnitComplex::new_unchecked(nalgebra::Complex::new(local.x / norm, local.y / norm)))
 }
 
+/// Whether `bearing`, measured at `pose`, points at `point` rather than away from it (cheirality):
+/// within a right angle.
+///
+/// # Example
+/// ```
+/// use nalgebra::Point2;
+/// let pose = bearslam::pose(0.0_f64, 0.0, 0.5);
+/// let point = Point2::new(1.0, 1.0);
+/// let bearing = bearslam::bearing_to(&pose, &point).unwrap();
+/// assert!(bearslam::is_ahead(&pose, &bearing, &point));
+/// assert!(!bearslam::is_ahead(&pose, &bearing, &Point2::new(-1.0, -1.0)));
+/// ```
+pub fn is_ahead<T: Real>(pose: &Pose<T>, bearing: &Bearing<T>, point: &Point2<T>) -> bool {
+    let ray = pose.rotation.into_inner() * bearing.into_inner();
+    let (x, y) = (point.x - pose.translation.x, point.y - pose.translation.y);
+    ray.re * x + ray.im * y > T::zero()
+}
+
 /// The angle of the vector `(x, y)` in (-pi, pi].
 ///
 /// Residuals are small angles nearly always, so the arctangent of a small ratio is summed from its

@@ -4,8 +4,9 @@
 //! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
-use super::motion::{LineMotion, Motion};
-use super::triangular::TriangularFactor;
+use super::complement::complement;
+use super::motion::{LineMotion, Motion, settle};
+use super::triangular::{TriangularFactor, still};
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
 use crate::scalar::Real;
@@ -34,6 +35,10 @@ pub struct CalibratedTensor<T: Real> {
 /// Fewest landmarks that determine the calibrated tensor linearly.
 pub(super) const MIN_LANDMARKS: usize = 5;
 
+/// Squared movement of a tensor that is good enough to take weights from: they are wrong by a
+/// thousandth then, and the next tensor by a thousandth of its error.
+const ROUGHLY_STILL: f64 = 1e-6;
+
 impl<T: Real> CalibratedTensor<T> {
     /// Estimates the tensor from the bearings of `n >= 5` landmarks.
     ///
@@ -56,20 +61,29 @@ impl<T: Real> CalibratedTensor<T> {
             });
         }
         let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
-        let estimate = |mut factor: TriangularFactor<T, 6>| {
-            let (vector, singular_values) = factor.null_vector();
-            Self::from_vector(&vector, singular_values)
-        };
-        let mut tensor = estimate(factor(triples, |_| T::one()));
-        // Five landmarks are explained exactly, however they are weighted.
-        if triples.len() > MIN_LANDMARKS {
-            for _ in 0..reweights {
+        let tensor = if let [a, b, c, d, e] = triples {
+            // Five landmarks are explained exactly, however they are weighted.
+            let rows = [a, b, c, d, e].map(|triple| real(products(complex(triple))));
+            let (vector, second) = complement(&rows);
+            Self::from_vector(&vector, [T::zero(), second])
+        } else {
+            // Weights need few digits: only the last vector is found to the end.
+            let still = |round| {
+                if round < reweights {
+                    T::lit(ROUGHLY_STILL)
+                } else {
+                    still()
+                }
+            };
+            let mut tensor = Self::least(factor(triples, |_| T::one()), still(0));
+            for round in 1..=reweights {
                 if !(tensor.singular_values[1] > bound) {
                     break;
                 }
-                tensor = estimate(factor(triples, |row| tensor.weight(row)));
+                tensor = Self::least(factor(triples, |row| tensor.weight(row)), still(round));
             }
-        }
+            tensor
+        };
         // A bearing that is not finite makes every coefficient so: looked for only then.
         let [a, b, c] = tensor.coefficients;
         let finite = (a + b + c).norm_sqr().is_finite();
@@ -90,7 +104,7 @@ impl<T: Real> CalibratedTensor<T> {
     /// # Errors
     /// [`Error::Degenerate`] when a side of the triangle of views vanishes: two views coincide.
     pub fn motions(&self, triples: &[Triple<T>]) -> Result<[Motion<T>; 2], Error> {
-        Ok(self.line_motions()?.map(|line| line.settle(triples)))
+        Ok(settle(&self.line_motions()?, triples, |_, _| ()).map(|settled| settled.motion))
     }
 
     /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
@@ -113,6 +127,12 @@ impl<T: Real> CalibratedTensor<T> {
             }),
             singular_values: a.singular_values,
         }
+    }
+
+    /// The tensor that fits rows best.
+    fn least(mut factor: TriangularFactor<T, 6>, still: T) -> Self {
+        let null = factor.null_space_within(still);
+        Self::from_vector(&null.vectors[0], null.singular_values)
     }
 
     fn from_vector(v: &Vector6<T>, singular_values: [T; 2]) -> Self {
@@ -141,8 +161,8 @@ impl<T: Real> CalibratedTensor<T> {
     /// the given variances of the three angles \[rad^2\].
     ///
     /// A turn of a bearing by pi changes nothing.
-    pub fn sampson_square(&self, [u, v, w]: &Triple<T>, variances: &[T; 3]) -> T {
-        let row = products(u.into_inner(), v.into_inner(), w.into_inner());
+    pub fn sampson_square(&self, triple: &Triple<T>, variances: &[T; 3]) -> T {
+        let row = products(complex(triple));
         let mut value = T::zero();
         let [a, b, c] = core::array::from_fn(|k| {
             let product = self.coefficients[k] * row[k];
@@ -166,7 +186,7 @@ impl<T: Real> CalibratedTensor<T> {
             core::array::from_fn(|j| {
                 core::array::from_fn(|k| {
                     let (u, v, w) = (unit[i], unit[j], unit[k]);
-                    let [p, q, r] = products(u, v, w);
+                    let [p, q, r] = products([u, v, w]);
                     let [a, b, c] = self.coefficients;
                     // The three frequencies are orthogonal: without the half the norm would be 2.
                     (a * p + b * q + c * r).re * T::lit(0.5)
@@ -241,39 +261,41 @@ impl<T: Real> CalibratedTensor<T> {
             let turn2 = phase[1] * phase[2] * (alpha2 * beta * gamma).conj();
             let alpha = square_root(alpha2);
             LineMotion {
-                headings: [
-                    Complex::new(T::one(), T::zero()),
-                    square_root(turn1),
-                    square_root(turn2),
-                ],
-                positions: [
-                    Complex::new(T::zero(), T::zero()),
-                    -alpha.conj() * la,
-                    (alpha * beta).conj() * lb,
-                ],
+                headings: [square_root(turn1), square_root(turn2)],
+                positions: [-alpha.conj() * la, (alpha * beta).conj() * lb],
             }
         }))
     }
 }
 
-/// The triangular factor of the rows `[Re p, Im p, Re q, Im q, Re r, Im r]`, each times its weight.
+/// The triangular factor of the rows, each times its weight.
 fn factor<T: Real>(
     triples: &[Triple<T>],
     weight: impl Fn(&[Complex<T>; 3]) -> T,
 ) -> TriangularFactor<T, 6> {
     let mut factor = TriangularFactor::<T, 6>::new();
-    for [u, v, w] in triples {
-        let row = products(u.into_inner(), v.into_inner(), w.into_inner());
+    for triple in triples {
+        let row = products(complex(triple));
         let weight = weight(&row);
-        let [p, q, r] = row.map(|z| z * weight);
-        factor.push([p.re, p.im, q.re, q.im, r.re, r.im]);
+        factor.push(real(row.map(|z| z * weight)));
     }
     factor
 }
 
+/// The row `[Re p, Im p, Re q, Im q, Re r, Im r]`.
+#[inline]
+fn real<T: Real>([p, q, r]: [Complex<T>; 3]) -> [T; 6] {
+    [p.re, p.im, q.re, q.im, r.re, r.im]
+}
+
+#[inline]
+fn complex<T: Real>(triple: &Triple<T>) -> [Complex<T>; 3] {
+    triple.map(|bearing| bearing.into_inner())
+}
+
 /// `e^{i(a+b-c)}`, `e^{i(a-b+c)}`, `e^{i(-a+b+c)}`.
 #[inline]
-fn products<T: Real>(u: Complex<T>, v: Complex<T>, w: Complex<T>) -> [Complex<T>; 3] {
+fn products<T: Real>([u, v, w]: [Complex<T>; 3]) -> [Complex<T>; 3] {
     let sum = u * v;
     let difference = u * v.conj();
     [sum * w.conj(), difference * w, difference.conj() * w]

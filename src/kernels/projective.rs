@@ -69,23 +69,32 @@ pub fn intrinsic_homographies<T: Real>(
     from: usize,
     to: usize,
 ) -> [Matrix2<T>; 2] {
-    assert!(
-        from < 3 && to < 3 && from != to,
-        "two different views of three"
-    );
-    let third = 3 - from - to;
-    core::array::from_fn(|line| {
-        // `relation(f, t)` is zero for the bearings f and t of a point on the line.
-        let relation = Matrix2::from_fn(|f, t| {
-            let mut index = [0; 3];
-            index[from] = f;
-            index[to] = t;
-            index[third] = line;
-            tensor.entries[index[0]][index[1]][index[2]]
-        });
-        // The bearing t with `f^T relation t = 0` is `relation^T f` turned by a right angle.
-        Matrix2::new(-relation.m12, -relation.m22, relation.m11, relation.m21)
-    })
+    let t = &tensor.entries;
+    match (from, to) {
+        (0, 1) => homographies(|from, to, line| t[from][to][line]),
+        (1, 0) => homographies(|from, to, line| t[to][from][line]),
+        (0, 2) => homographies(|from, to, line| t[from][line][to]),
+        (2, 0) => homographies(|from, to, line| t[to][line][from]),
+        (1, 2) => homographies(|from, to, line| t[line][from][to]),
+        (2, 1) => homographies(|from, to, line| t[line][to][from]),
+        _ => panic!("two different views of three"),
+    }
+}
+
+/// `relation(f, t, line)` summed over the coordinates f and t of two bearings is zero for a point on the
+/// line.
+#[inline(always)]
+fn homographies<T: Real>(relation: impl Fn(usize, usize, usize) -> T) -> [Matrix2<T>; 2] {
+    // The bearing t with `f^T relation t = 0` is `relation^T f` turned by a right angle.
+    let of = |line| {
+        Matrix2::new(
+            -relation(0, 1, line),
+            -relation(1, 1, line),
+            relation(0, 0, line),
+            relation(1, 0, line),
+        )
+    };
+    [of(0), of(1)]
 }
 
 /// All six epipoles under both assignments.
@@ -116,7 +125,8 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
         value: tensor.norm().as_f64(),
         bound: 0.0,
     })?;
-    let [k, l] = intrinsic_homographies(&tensor, 1, 2);
+    let t = &tensor.entries;
+    let [k, l] = homographies(|from, to, line| t[line][from][to]);
     // det(s K - t L) = a s^2 + b s t + c t^2
     let (a, c) = (k.determinant(), l.determinant());
     let b = k.m12 * l.m21 + k.m21 * l.m12 - k.m11 * l.m22 - k.m22 * l.m11;
@@ -141,12 +151,11 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
     } else {
         [(T::one(), T::zero()); 2]
     };
-    let eigenvectors = roots.map(|(s, t)| null_vector(&(k * s - l * t)));
+    let [one, other] = roots.map(|(s, t)| null_vector(&(k * s - l * t)));
     let to_last = [k, l];
-    let to_first = intrinsic_homographies(&tensor, 1, 0);
+    let to_first = homographies(|from, to, line| t[to][from][line]);
     let nan = Vector2::repeat(T::zero() / T::zero());
-    let directions = [[0, 1], [1, 0]].map(|[first, last]| {
-        let (e10, e12) = (eigenvectors[first], eigenvectors[last]);
+    let directions = [[one, other], [other, one]].map(|[e10, e12]| {
         [
             [nan, image(&to_first, &e10), image(&to_first, &e12)],
             [e10, nan, e12],
@@ -183,17 +192,17 @@ pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>,
 /// epipoles that should cross are parallel.
 pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotion<T>; 2], Error> {
     let mut result = [LineMotion {
-        headings: [Complex::new(T::one(), T::zero()); 3],
-        positions: [Complex::new(T::zero(), T::zero()); 3],
+        headings: [Complex::new(T::one(), T::zero()); 2],
+        positions: [Complex::new(T::zero(), T::zero()); 2],
     }; 2];
     for (motion, e) in result.iter_mut().zip(&epipoles.directions) {
         let e = e.map(|row| row.map(|v| Complex::new(v.x, v.y)));
         // View i sees j along the same line as j sees i, from the other end.
-        motion.headings[1] = e[0][1] * e[1][0].conj();
-        motion.headings[2] = e[0][2] * e[2][0].conj();
-        motion.positions[1] = e[0][1];
+        motion.headings[0] = e[0][1] * e[1][0].conj();
+        motion.headings[1] = e[0][2] * e[2][0].conj();
+        motion.positions[0] = e[0][1];
         // Third centre: where the epipole of view 0 crosses that of view 1.
-        let (from0, from1) = (e[0][2], motion.headings[1] * e[1][2]);
+        let (from0, from1) = (e[0][2], motion.headings[0] * e[1][2]);
         let sine = from0.re * from1.im - from0.im * from1.re;
         let bound = T::eps() * T::lit(64.0);
         if !(sine.abs() > bound) {
@@ -203,9 +212,9 @@ pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotio
                 bound: bound.as_f64(),
             });
         }
-        let start = motion.positions[1];
+        let start = motion.positions[0];
         let along = (start.re * from1.im - start.im * from1.re) / sine;
-        motion.positions[2] = from0 * along;
+        motion.positions[1] = from0 * along;
     }
     Ok(result)
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Three views from nothing: tensor, motion, signs.
 
+use super::motion::settle;
 use super::{
     CalibratedTensor, Motion, TrifocalTensor, Triple, epipoles, projective, projective_tensor,
 };
 use crate::error::Error;
 use crate::scalar::Real;
+use nalgebra::{Complex, Point2};
 
 /// How the trifocal tensor is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +78,72 @@ const COLLINEAR_HEIGHT: f64 = 0.02;
 /// # Ok::<(), bearslam::Error>(())
 /// ```
 pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<ThreeView<T>, Error> {
+    Ok(estimate(triples, method, |_, _| ())?.0)
+}
+
+/// As [`three_view`], and the landmarks under both motions, in the order of [`ThreeView::motions`].
+///
+/// Cheaper than [`Motion::landmark`] for each: the signs need the same points. `landmarks` is the
+/// caller's memory, one entry for each triple; a landmark is `None` where its three rays are parallel.
+/// After an error its contents mean nothing.
+///
+/// # Errors
+/// As [`three_view`], and [`Error::LengthMismatch`] for `landmarks` of another length.
+///
+/// # Example
+/// ```
+/// use bearslam::{Bearing, Method, three_view_with_landmarks};
+///
+/// let views = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.4), (0.3, 0.8, -0.7)];
+/// let points = [(2.0, 1.0), (-1.0, 2.0), (0.5, 3.0), (1.5, -2.0), (-2.0, -1.0)];
+/// let triples = points
+///     .map(|(x, y)| views.map(|(a, b, t)| Bearing::new(f64::atan2(y - b, x - a) - t)));
+/// let mut landmarks = [[None; 2]; 5];
+/// let method = Method::Calibrated { reweights: 0 };
+/// let solution = three_view_with_landmarks(&triples, method, &mut landmarks)?;
+/// let first = landmarks[0][0].expect("rays that are not parallel");
+/// assert!((first.x - 2.0).abs() < 1e-12 && (first.y - 1.0).abs() < 1e-12);
+/// assert_eq!(solution.motions[0].inconsistent, 0);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+pub fn three_view_with_landmarks<T: Real>(
+    triples: &[Triple<T>],
+    method: Method,
+    landmarks: &mut [[Option<Point2<T>>; 2]],
+) -> Result<ThreeView<T>, Error> {
+    if landmarks.len() != triples.len() {
+        return Err(Error::LengthMismatch {
+            what: "landmarks",
+            expected: triples.len(),
+            got: landmarks.len(),
+        });
+    }
+    let (found, order, scales) = estimate(triples, method, |index, both| {
+        if let Some(place) = landmarks.get_mut(index) {
+            *place = both.map(|point| point.map(|point| Point2::new(point.re, point.im)));
+        }
+    })?;
+    for both in landmarks {
+        let [first, second] = *both;
+        let first = first.map(|point| point * scales[0]);
+        let second = second.map(|point| point * scales[1]);
+        *both = if order {
+            [first, second]
+        } else {
+            [second, first]
+        };
+    }
+    Ok(found)
+}
+
+/// The solution; whether its motions come in the order in which their landmarks were placed; and by
+/// what each of those is to be multiplied, in that order.
+#[inline]
+fn estimate<T: Real>(
+    triples: &[Triple<T>],
+    method: Method,
+    place: impl FnMut(usize, [Option<Complex<T>>; 2]),
+) -> Result<(ThreeView<T>, bool, [T; 2]), Error> {
     let (lines, flattened) = match method {
         Method::Calibrated { reweights } => {
             let tensor = CalibratedTensor::estimate(triples, reweights)?;
@@ -89,17 +157,21 @@ pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<Thre
             )
         }
     };
-    let [first, second] = lines.map(|line| line.settle(triples));
-    let motions = if rank(&first) <= rank(&second) {
+    let settled = settle(&lines, triples, place);
+    let scales = settled.map(|settled| settled.scale);
+    let [first, second] = settled.map(|settled| settled.motion);
+    let order = rank(&first) <= rank(&second);
+    let motions = if order {
         [first, second]
     } else {
         [second, first]
     };
-    Ok(ThreeView {
+    let found = ThreeView {
         near_collinear: flattened || height_over_side(&motions[0]) < T::lit(COLLINEAR_HEIGHT),
         motions,
         flattened,
-    })
+    };
+    Ok((found, order, scales))
 }
 
 /// The unit-norm trifocal tensor of three views.

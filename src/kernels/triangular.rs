@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The triangular factor of a matrix whose rows come one by one.
 
+use super::pair::Pair;
 use crate::scalar::Real;
 use nalgebra::SVector;
 
 /// Rows that are eliminated together, by one Householder reflection per column.
-const BLOCK: usize = 6;
+const BLOCK: usize = 8;
 
 /// The factor R of `A = QR` for a matrix `A` with `N` columns and any number of rows.
 ///
@@ -31,8 +32,6 @@ pub struct TriangularFactor<T: Real, const N: usize> {
     /// Rows not yet folded in, column by column, zero beyond `waiting`.
     block: [[T; BLOCK]; N],
     waiting: usize,
-    /// Rows folded in.
-    folded: usize,
 }
 
 /// The two right singular vectors with the smallest singular values.
@@ -57,51 +56,65 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
             factor: [[T::zero(); N]; N],
             block: [[T::zero(); BLOCK]; N],
             waiting: 0,
-            folded: 0,
         }
     }
 
     /// Appends a row to the matrix.
     #[inline]
     pub fn push(&mut self, row: [T; N]) {
-        for (column, value) in self.block.iter_mut().zip(row) {
-            column[self.waiting] = value;
+        let place = self.waiting;
+        // Always so; the compiler sees no panic then.
+        if place < BLOCK {
+            for (column, value) in self.block.iter_mut().zip(row) {
+                column[place] = value;
+            }
+            self.waiting = place + 1;
         }
-        self.waiting += 1;
-        if self.waiting == BLOCK {
+        if self.waiting >= BLOCK {
             self.fold();
         }
     }
 
     /// Folds the waiting rows into R.
     fn fold(&mut self) {
+        if self.waiting <= BLOCK / 2 {
+            self.eliminate::<{ BLOCK / 2 }>();
+        } else {
+            self.eliminate::<BLOCK>();
+        }
+        self.waiting = 0;
+    }
+
+    /// Folds the first B rows of the block, which are all that wait. B is a constant, so that the
+    /// loops over rows become vector operations.
+    fn eliminate<const B: usize>(&mut self) {
         for k in 0..N {
             // Copies: the compiler then keeps them in registers.
-            let column = self.block[k];
+            let column = head::<T, B>(&self.block[k]);
             let pivot = self.factor[k][k];
             let below = dot(&column, &column);
             // A NaN goes in as well, and comes out in every number.
             if below != T::zero() {
                 let norm = (pivot * pivot + below).sqrt();
                 let signed = if pivot > T::zero() { -norm } else { norm };
-                let head = pivot - signed;
+                let first = pivot - signed;
                 let scale = T::one() / (norm * (norm + pivot.abs()));
                 self.factor[k][k] = signed;
                 for j in k + 1..N {
-                    let mut other = self.block[j];
+                    let mut other = head::<T, B>(&self.block[j]);
                     let above = self.factor[k][j];
-                    let step = (head * above + dot(&column, &other)) * scale;
-                    self.factor[k][j] = above - step * head;
-                    for i in 0..BLOCK {
+                    let step = (first * above + dot(&column, &other)) * scale;
+                    self.factor[k][j] = above - step * first;
+                    for i in 0..B {
                         other[i] -= step * column[i];
                     }
-                    self.block[j] = other;
+                    for (place, value) in self.block[j].iter_mut().zip(other) {
+                        *place = value;
+                    }
                 }
             }
             self.block[k] = [T::zero(); BLOCK];
         }
-        self.folded += self.waiting;
-        self.waiting = 0;
     }
 
     /// R, row by row; its lower part is zero.
@@ -112,32 +125,6 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         &self.factor
     }
 
-    /// The right singular vector with the smallest singular value, and the two smallest values.
-    ///
-    /// With one row less than columns the vector is exact, by back substitution; otherwise as
-    /// [`TriangularFactor::null_space`], and the second value is an upper bound as it is there.
-    pub fn null_vector(&mut self) -> (SVector<T, N>, [T; 2]) {
-        let factor = *self.rows();
-        let (floor, inverse) = inverse_pivots(&factor);
-        if self.folded + 1 != N || inverse[..N - 1].iter().any(|v| v.abs() * floor >= T::one()) {
-            let null = self.null_space();
-            return (null.vectors[0], null.singular_values);
-        }
-        let mut vector = SVector::<T, N>::zeros();
-        vector[N - 1] = T::one();
-        back_substitute(&factor, &inverse, &mut vector);
-        // The last pivot is zero, so it only scaled the vector.
-        scale_to_unit(&mut vector);
-        // The rows of R span what those of the matrix do, so its least row is no shorter than the
-        // second smallest singular value.
-        let mut least = None;
-        for (k, row) in factor[..N - 1].iter().enumerate() {
-            let square = row[k..].iter().fold(T::zero(), |sum, v| sum + *v * *v);
-            least = Some(least.map_or(square, |other: T| other.min(square)));
-        }
-        (vector, [T::zero(), least.unwrap_or(T::zero()).sqrt()])
-    }
-
     /// The two smallest singular values and their right singular vectors.
     ///
     /// Inverse iteration on a pair of vectors: the pair converges with the square of the ratio of
@@ -145,50 +132,61 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// the first vector stands still, or after 40 steps. The second value is then an upper
     /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
-        let factor = *self.rows();
-        let (_, inverse) = inverse_pivots(&factor);
-        let mut first = SVector::<T, N>::zeros();
-        let mut second = SVector::<T, N>::zeros();
-        first[N - 1] = T::one();
-        second[N - 2] = T::one();
-        back_substitute(&factor, &inverse, &mut first);
-        back_substitute(&factor, &inverse, &mut second);
-        orthonormalize(&mut first, &mut second);
-        let mut result = rayleigh_ritz(&factor, first, second);
+        self.null_space_within(still())
+    }
+
+    /// As [`Self::null_space`]; ends when a step has moved the first vector by no more than this,
+    /// squared, or the next one would, if it shortens the movement as this one has.
+    pub(super) fn null_space_within(&mut self, still: T) -> NullSpace<T, N> {
+        let factor = self.rows();
+        let inverse = inverse_pivots(factor);
+        let (zero, one) = (T::zero(), T::one());
+        let mut vectors = [Pair([zero; 2]); N];
+        if let [.., second, first] = &mut vectors[..] {
+            *second = Pair([zero, one]);
+            *first = Pair([one, zero]);
+        }
+        back_substitute(factor, &inverse, &mut vectors);
+        orthonormalize(&mut vectors);
+        let mut values = rayleigh_ritz(factor, &mut vectors);
+        let mut last = zero;
         for _ in 0..MAX_STEPS {
-            let [mut first, mut second] = result.vectors;
+            let before = vectors;
             // Orthonormal after each half of the step: a vanishing singular value turns both vectors
             // into its own, and one half is all that double the digits could bear.
-            forward_substitute(&factor, &inverse, &mut first);
-            forward_substitute(&factor, &inverse, &mut second);
-            orthonormalize(&mut first, &mut second);
-            back_substitute(&factor, &inverse, &mut first);
-            back_substitute(&factor, &inverse, &mut second);
-            orthonormalize(&mut first, &mut second);
-            let next = rayleigh_ritz(&factor, first, second);
-            let cosine = next.vectors[0].dot(&result.vectors[0]);
-            let moved = (next.vectors[0] - result.vectors[0] * cosine).norm_squared();
-            result = next;
-            if moved <= T::eps() * T::lit(STANDS_STILL) {
+            forward_substitute(factor, &inverse, &mut vectors);
+            orthonormalize(&mut vectors);
+            back_substitute(factor, &inverse, &mut vectors);
+            orthonormalize(&mut vectors);
+            values = rayleigh_ritz(factor, &mut vectors);
+            let movement = moved(&before, &vectors);
+            // With room for a next step that shortens it ten times less.
+            if movement <= still || movement * movement * T::lit(100.0) <= still * last {
                 break;
             }
+            last = movement;
         }
-        result
+        NullSpace {
+            singular_values: values,
+            vectors: [
+                SVector::from_fn(|k, _| vectors[k].0[0]),
+                SVector::from_fn(|k, _| vectors[k].0[1]),
+            ],
+        }
     }
 }
 
-/// One over the pivots, and the size below which a pivot is rounding, for which any value of that
-/// size serves.
+/// One over the pivots; for a pivot that is rounding any value of its size serves.
 #[inline]
-fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> (T, [T; N]) {
-    let mut size = T::zero();
-    for row in factor {
-        for value in row {
-            size = size.max(value.abs());
+fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> [T; N] {
+    let mut square = T::zero();
+    for (k, row) in factor.iter().enumerate() {
+        for value in row.iter().skip(k) {
+            square += *value * *value;
         }
     }
-    let floor = (size * T::eps()).max(T::eps() * T::eps());
-    let inverse = core::array::from_fn(|k| {
+    let floor = square.sqrt() * T::eps() + T::eps() * T::eps();
+    core::array::from_fn(|k| {
         let pivot = factor[k][k];
         let safe = if pivot.abs() > floor {
             pivot
@@ -198,119 +196,173 @@ fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> (T, [T; N]) 
             floor
         };
         T::one() / safe
-    });
-    (floor, inverse)
+    })
 }
 
-/// Squared movement, in units of rounding, of a vector that stands still. The next step would move
-/// it by the square of the ratio of singular values less: far below any noise that is there.
-const STANDS_STILL: f64 = 0.1;
+/// Squared movement of a vector that stands still: far below any noise that is there.
+pub(super) fn still<T: Real>() -> T {
+    T::eps() * T::lit(0.1)
+}
 
 /// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
 /// which any member is as good as another.
 const MAX_STEPS: usize = 40;
 
+/// The first B numbers of a column of waiting rows.
 #[inline]
-fn dot<T: Real>(a: &[T; BLOCK], b: &[T; BLOCK]) -> T {
-    // Two interleaved sums: their order is fixed, and they fit the vector registers.
-    let (mut even, mut odd) = (T::zero(), T::zero());
-    for k in 0..BLOCK / 2 {
-        even += a[2 * k] * b[2 * k];
-        odd += a[2 * k + 1] * b[2 * k + 1];
+fn head<T: Real, const B: usize>(column: &[T; BLOCK]) -> [T; B] {
+    let mut first = [T::zero(); B];
+    for (place, value) in first.iter_mut().zip(column) {
+        *place = *value;
     }
-    even + odd
+    first
 }
 
-/// Solves `R x = b` in place.
+/// The scalar product, as four interleaved sums: their order is fixed, and they fit the vector
+/// registers.
 #[inline]
+fn dot<T: Real, const B: usize>(a: &[T; B], b: &[T; B]) -> T {
+    let mut sums = [T::zero(); 4];
+    for (a, b) in a.chunks_exact(4).zip(b.chunks_exact(4)) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += *a * *b;
+        }
+    }
+    let [a, b, c, d] = sums;
+    (a + c) + (b + d)
+}
+
+/// Solves `R x = b` in place, for two right-hand sides.
+#[inline(always)]
 fn back_substitute<T: Real, const N: usize>(
     factor: &[[T; N]; N],
     inverse: &[T; N],
-    x: &mut SVector<T, N>,
+    x: &mut [Pair<T>; N],
 ) {
     for i in (0..N).rev() {
         let mut sum = x[i];
         for j in i + 1..N {
-            sum -= factor[i][j] * x[j];
+            sum = sum - x[j] * factor[i][j];
         }
         x[i] = sum * inverse[i];
     }
 }
 
-/// Solves `R^T x = b` in place.
-#[inline]
+/// Solves `R^T x = b` in place, for two right-hand sides.
+#[inline(always)]
 fn forward_substitute<T: Real, const N: usize>(
     factor: &[[T; N]; N],
     inverse: &[T; N],
-    x: &mut SVector<T, N>,
+    x: &mut [Pair<T>; N],
 ) {
     for i in 0..N {
         let value = x[i] * inverse[i];
         x[i] = value;
         for j in i + 1..N {
-            x[j] -= factor[i][j] * value;
+            x[j] = x[j] - value * factor[i][j];
         }
     }
 }
 
-#[inline]
-fn scale_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
-    let square = vector.norm_squared();
-    if square.is_finite() && square > T::zero() {
-        *vector *= T::one() / square.sqrt();
+/// Squared lengths of two vectors.
+#[inline(always)]
+fn squares<T: Real, const N: usize>(vectors: &[Pair<T>; N]) -> Pair<T> {
+    let zero = Pair([T::zero(); 2]);
+    vectors.iter().fold(zero, |sum, pair| sum + *pair * *pair)
+}
+
+/// The scalar product of two vectors.
+#[inline(always)]
+fn product<T: Real, const N: usize>(vectors: &[Pair<T>; N]) -> T {
+    let zero = T::zero();
+    vectors.iter().fold(zero, |sum, Pair([a, b])| sum + *a * *b)
+}
+
+#[inline(always)]
+fn scale_to_unit<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
+    let square = squares(vectors);
+    if square
+        .0
+        .iter()
+        .all(|square| square.is_finite() && *square > T::zero())
+    {
+        let scale = square.map(|square| T::one() / square.sqrt());
+        vectors.iter_mut().for_each(|pair| *pair = *pair * scale);
     } else {
-        scale_extreme_to_unit(vector);
+        scale_extreme_to_unit(vectors);
     }
 }
 
 /// For vectors whose squares overflow or vanish: a null space of several dimensions in `f32`.
 #[cold]
-fn scale_extreme_to_unit<T: Real, const N: usize>(vector: &mut SVector<T, N>) {
-    let largest = vector
+#[inline(never)]
+fn scale_extreme_to_unit<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
+    let zero = Pair([T::zero(); 2]);
+    let larger = |most: T, value: T| most.max(value.abs());
+    let scale = |size: T| {
+        if size > T::zero() {
+            T::one() / size
+        } else {
+            T::one()
+        }
+    };
+    let largest = vectors
         .iter()
-        .fold(T::zero(), |largest, value| largest.max(value.abs()));
-    if largest > T::zero() {
-        *vector *= T::one() / largest;
-        let norm = vector.norm();
-        *vector *= T::one() / norm;
-    }
+        .fold(zero, |most, pair| most.zip(*pair, larger));
+    vectors
+        .iter_mut()
+        .for_each(|pair| *pair = *pair * largest.map(scale));
+    let lengths = squares(vectors).map(|square| scale(square.sqrt()));
+    vectors.iter_mut().for_each(|pair| *pair = *pair * lengths);
 }
 
-#[inline]
-fn orthonormalize<T: Real, const N: usize>(first: &mut SVector<T, N>, second: &mut SVector<T, N>) {
-    scale_to_unit(first);
-    scale_to_unit(second);
+#[inline(always)]
+fn orthonormalize<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
+    scale_to_unit(vectors);
     // Twice is enough, and once when little was taken away.
     for _ in 0..2 {
-        let overlap = first.dot(second);
-        *second -= *first * overlap;
-        scale_to_unit(second);
+        let overlap = product(vectors);
+        for Pair([first, second]) in vectors.iter_mut() {
+            *second -= *first * overlap;
+        }
+        scale_to_unit(vectors);
         if overlap * overlap < T::lit(0.5) {
             break;
         }
     }
 }
 
-/// Singular values and vectors of R restricted to the plane of two orthonormal vectors.
-#[inline]
+/// The squared sine of the angle by which the first vector has moved.
+#[inline(always)]
+fn moved<T: Real, const N: usize>(before: &[Pair<T>; N], after: &[Pair<T>; N]) -> T {
+    let both = || {
+        before
+            .iter()
+            .zip(after)
+            .map(|(before, after)| (before.0[0], after.0[0]))
+    };
+    let cosine = both().fold(T::zero(), |sum, (before, after)| sum + before * after);
+    both().fold(T::zero(), |sum, (before, after)| {
+        let apart = after - before * cosine;
+        sum + apart * apart
+    })
+}
+
+/// Turns two orthonormal vectors in their plane into the singular vectors of R there, the one with the
+/// smaller singular value first; the values.
+#[inline(always)]
 fn rayleigh_ritz<T: Real, const N: usize>(
     factor: &[[T; N]; N],
-    first: SVector<T, N>,
-    second: SVector<T, N>,
-) -> NullSpace<T, N> {
-    let mut images = [SVector::<T, N>::zeros(); 2];
-    for (image, vector) in images.iter_mut().zip([&first, &second]) {
-        for i in 0..N {
-            let mut sum = T::zero();
-            for j in i..N {
-                sum += factor[i][j] * vector[j];
-            }
-            image[i] = sum;
+    vectors: &mut [Pair<T>; N],
+) -> [T; 2] {
+    let mut images = [Pair([T::zero(); 2]); N];
+    for i in 0..N {
+        for j in i..N {
+            images[i] = images[i] + vectors[j] * factor[i][j];
         }
     }
     // One-sided Jacobi rotation: makes the two images orthogonal without forming their squares' difference twice.
-    let [a, b] = images;
-    let (aa, bb, ab) = (a.norm_squared(), b.norm_squared(), a.dot(&b));
+    let (Pair([aa, bb]), ab) = (squares(&images), product(&images));
     let zeta = (bb - aa) * T::lit(0.5);
     let reach = (zeta * zeta + ab * ab).sqrt();
     let tangent = if reach > T::zero() {
@@ -325,16 +377,15 @@ fn rayleigh_ritz<T: Real, const N: usize>(
     };
     let cos = T::one() / (T::one() + tangent * tangent).sqrt();
     let sin = cos * tangent;
-    let vectors = [first * cos - second * sin, first * sin + second * cos];
-    let values = [(a * cos - b * sin).norm(), (a * sin + b * cos).norm()];
-    let [small, large] = if values[0] <= values[1] {
-        [0, 1]
+    let turn = |Pair([a, b]): &mut Pair<T>| (*a, *b) = (*a * cos - *b * sin, *a * sin + *b * cos);
+    images.iter_mut().for_each(turn);
+    vectors.iter_mut().for_each(turn);
+    let Pair([first, second]) = squares(&images).map(|square| square.sqrt());
+    if first <= second {
+        [first, second]
     } else {
-        [1, 0]
-    };
-    NullSpace {
-        singular_values: [values[small], values[large]],
-        vectors: [vectors[small], vectors[large]],
+        vectors.iter_mut().for_each(|pair| pair.0.reverse());
+        [second, first]
     }
 }
 
