@@ -3,9 +3,9 @@
 
 use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
-    Bearing, CalibratedTensor, Method, Real, Triple, align, bearing_to, epipoles, is_ahead,
-    projective_tensor, real_epipoles, resect, signed_angle, three_view, three_view_with_landmarks,
-    transform_pose, triangulate, trifocal_tensor,
+    Bearing, Branch, CalibratedTensor, FixedMap, FixedOptions, Method, Real, Triple, Workspace,
+    align, bearing_to, epipoles, is_ahead, projective_tensor, real_epipoles, resect, signed_angle,
+    three_view, three_view_with_landmarks, transform_pose, triangulate, trifocal_tensor,
 };
 use core::ffi::CStr;
 use core::hint::black_box;
@@ -136,6 +136,24 @@ kernels! {
         let heading = signed_angle(black_box(pose.rotation.re), pose.rotation.im);
         let pose = black_box(bearslam::pose(point.x, point.y, heading));
         black_box(Bearing::new(bearing_to(&pose, point).map_or(heading, |bearing| bearing.angle())));
+    }
+    c"fixed map, 4x12: start, add, refine" => fixed(s) {
+        let mut map = FixedMap::<T, 4, 12>::new();
+        for (view, bearings) in first(&s.bearings, 4).iter().enumerate() {
+            for (landmark, bearing) in first(bearings, 12).iter().enumerate() {
+                let _ = black_box(map.see(view, landmark, *bearing, T::lit(0.01)));
+            }
+        }
+        for branch in [Branch::Other, Branch::Best] {
+            let _ = black_box(map.start(black_box([0, 1, 2]), branch));
+        }
+        let _ = black_box((map.add_view(black_box(3)), map.add_landmark(black_box(7))));
+        let mut workspace = Workspace::default();
+        let options = FixedOptions { max_iterations: black_box(5), ..FixedOptions::default() };
+        let _ = black_box(map.refine(&mut workspace, &options));
+        map.normalize();
+        black_box((map.cost(), map.rms()));
+        let _ = black_box((map.forget_view(black_box(1)), map.forget_landmark(black_box(1))));
     }
     c"align, 15 points" => similarity(s) {
         if let Ok(found) = black_box(align(first(&s.landmarks, 15), first(&s.moved, 15))) {
