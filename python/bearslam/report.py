@@ -41,10 +41,12 @@ def describe(result: Reconstruction) -> str:
     if not result.oriented:
         lines.append("bearings are lines: every heading is known modulo 180 deg, each for itself")
     lines += _outliers(result)
-    for one in result.undetermined:
+    for one in result.undetermined[:SHOWN]:
         ids = result.view_ids if one.kind == "view" else result.landmark_ids
         name = one.index if ids is None else ids[one.index]
         lines.append(f"undetermined: {one.kind} {printable(name)}: {one.reason}")
+    if len(result.undetermined) > SHOWN:
+        lines.append(f"undetermined: ... and {len(result.undetermined) - SHOWN} more")
     lines += [
         f"alternative: residual rms {math.degrees(other.rms):.4g} deg, cost {other.cost:.6g}"
         for other in result.alternatives
