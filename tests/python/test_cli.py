@@ -429,7 +429,7 @@ def test_demo_reports_and_draws(tmp_path, capsys):
 
 def test_many_that_are_undetermined_are_not_all_listed(tmp_path, capsys):
     scene = bearslam.simulate("enclosed", 4, 6, noise=0.01, seed=1)
-    rows = [f"{i},{j},{scene.bearings[i, j]!r}" for i in range(4) for j in range(6)]
+    rows = [f"{i},{j},{scene.bearings[i, j]:.17g}" for i in range(4) for j in range(6)]
     rows += [f"0,once {k},0.1" for k in range(30)]
     path = tmp_path / "scene.csv"
     path.write_text("view,landmark,bearing\n" + "\n".join(rows) + "\n")
