@@ -103,7 +103,15 @@ class Assembly:
             raise InvalidInputError(
                 f"{self.where(line)}: expected a standard deviation from {low:g} to {high:g}, got {sigma:g}"
             )
+        self.check_turn(line, bearing)
         self._bearings.append((bearing, sigma))
+
+    def check_turn(self, line: int, bearing: float) -> None:
+        """Refuse what is no angle in radians: degrees, most likely."""
+        if abs(bearing) > math.tau:
+            raise InvalidInputError(
+                f"{self.where(line)}: expected a bearing in radians within one turn, got {bearing:g}: degrees?"
+            )
 
     def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: Spread) -> None:
         """A sighting that is a position in the frame of the pose."""

@@ -19,8 +19,8 @@ from bearslam.console import complain, same, writable
 from bearslam.errors import BearslamError, InvalidInputError
 from bearslam.files import RESULTS, TRUTHS, save, save_truth
 from bearslam.progress import ProgressLine
-from bearslam.reconstruction import FRAMES
-from bearslam.report import describe, errors, listing, percent
+from bearslam.reconstruction import FRAMES, outliers
+from bearslam.report import describe, errors, excess, listing, percent
 from bearslam.sightings_file import render
 from bearslam.simulate import LAYOUTS, simulate
 from bearslam.solve import LOSSES, METHODS, solve
@@ -59,6 +59,10 @@ TUNING = {
 }
 """Options of `solve` that are options of the command as well: placeholder and help."""
 
+LARGE = 3.0
+"""Residuals so many times their standard deviations are not those of a map that is right."""
+MANY = 1 / 3
+"""Share of outliers above which a robust map is no longer to be trusted."""
 DOUBTFUL = 0.2
 """Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
 
@@ -234,6 +238,15 @@ def _solve(options: argparse.Namespace) -> None:
         print("", listing(result), sep="\n")
     if not result.converged:
         complain(f"warning: not converged ({result.termination.replace('_', ' ')})")
+    large = excess(result)
+    if large > LARGE:
+        complain(
+            f"warning: residuals are {large:.3g} times as large as their standard deviations: wrong bearings"
+            f"{'' if options.robust else ' (try --robust)'}, wrong odometry, a wrong minimum, or too small a sigma"
+        )
+    wrong = outliers(result).mean()
+    if options.robust and wrong > MANY:
+        complain(f"warning: {percent(wrong)} of the bearings are outliers; --robust bears a third")
     if result.uncertainty > DOUBTFUL:
         complain(
             "warning: the bearings hardly determine this map: for residuals as large as these it is uncertain by "

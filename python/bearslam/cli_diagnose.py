@@ -11,7 +11,7 @@ from bearslam.cli_input import INPUT, add_input, read_input
 from bearslam.diagnose import Diagnosis, diagnose
 from bearslam.problem import Problem
 from bearslam.progress import ProgressLine
-from bearslam.report import printable
+from bearslam.report import SHOWN, printable
 
 __all__ = ["add"]
 
@@ -51,6 +51,7 @@ def _names(problem: Problem, diagnosis: Diagnosis) -> list[str]:
     for kind, ids in kinds:
         named = {index for finding in diagnosis.findings for index in getattr(finding, f"{kind}s")}
         if any(ids[index] != str(index) for index in named):
-            listed = ", ".join(f"{index} {printable(ids[index])}" for index in sorted(named))
-            lines.append(f"{kind}s: {listed}")
+            listed = [f"{index} {printable(ids[index])}" for index in sorted(named)]
+            more = f", ... and {len(listed) - SHOWN} more" if len(listed) > SHOWN else ""
+            lines.append(f"{kind}s: {', '.join(listed[:SHOWN])}{more}")
     return lines

@@ -41,14 +41,16 @@ def add_input(verb: argparse.ArgumentParser) -> None:
         nargs="+",
         type=float,
         metavar="N",
-        help="X Y or X Y DEG: where the sensor is in the frame of the vehicle, where landmarks are given in the latter",
+        help="X Y or X Y DEG, after FILE: where the sensor is on the vehicle, if landmarks are in its frame",
     )
     verb.add_argument("--sigma-deg", type=float, metavar="DEG", help="standard deviation of every bearing, over FILE's")
     verb.add_argument(
         "--bearings-only", action="store_true", help="leave out odometry, known poses and landmarks, start"
     )
     group = verb.add_argument_group("folders of the UTIAS MRCLAM data sets")
-    group.add_argument("--robots", type=int, nargs="+", choices=ROBOTS, metavar="N", help="which robots (default: all)")
+    group.add_argument(
+        "--robots", type=int, nargs="+", choices=ROBOTS, metavar="N", help="after FILE: which robots (default: all)"
+    )
     group.add_argument("--start", type=float, metavar="S", help="leave out what is earlier after the first measurement")
     group.add_argument("--end", type=float, metavar="S", help="leave out what is not earlier than that")
     group.add_argument("--every", type=float, metavar="S", help="least time between views of a robot (default: none)")

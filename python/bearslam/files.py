@@ -66,7 +66,8 @@ def load(
     noise : {"auto", "toro", "graph", "cov", "g2o"}
         What the numbers are that end the motions of a text graph, and in which order: information for "toro" (xx xy yy
         tt xt yt) and "g2o" (xx xy xt yy yt tt), covariances for "graph" and "cov" in the same two orders. "auto" takes
-        covariances, as GTSAM does, and tells their order by the zeros.
+        the information of TORO in a file that ends in ``.toro`` and has no ``ODOMETRY``, in others covariances, as
+        GTSAM does, and tells their order by the zeros.
     sensor : (2,) or (3,) array_like of float, optional
         Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, where the file has positions of
         landmarks in the latter. The views are then poses of the sensor, and bearings those that it has seen [length,
@@ -118,7 +119,13 @@ def load(
         compressed = suffixes[-1:] == [".gz"]
         ending = "".join(suffixes[:-1][-1:] if compressed else suffixes[-1:])
     else:
-        name, data, ending, compressed = str(getattr(path, "name", "<file>")), path.read(), "", False
+        read = getattr(path, "read", None)
+        content = path if read is None else read()
+        if not isinstance(content, bytes) or read is None:
+            got = type(content).__name__
+            raise InvalidInputError(f"path: expected a path or a file opened in binary mode, got {got}")
+        data = content
+        name, ending, compressed = str(getattr(path, "name", "<file>")), "", False
     if compressed or data.startswith(GZIP):
         data = decompressed(data, name)
     found = format or ENDINGS.get(ending) or _guess(data)
@@ -130,7 +137,9 @@ def load(
     if found == "g2o":
         problem = g2o_file.parse(data, name)
     elif found == "graph":
-        problem = graph_file.parse(data, name, noise)
+        # Lines ODOMETRY are GTSAM's, whatever the ending.
+        toro = noise == "auto" and ending == ".toro" and b"ODOMETRY" not in data
+        problem = graph_file.parse(data, name, "toro" if toro else noise)
     else:
         problem = sightings_file.parse(data, name)
     return problem if sensor is None else mounted(problem, sensor)

@@ -51,6 +51,20 @@ NOTHING = "no EDGE_BEARING_SE2_XY or EDGE_SE2_XY"
 
 def parse(data: bytes, name: str) -> Problem:
     """The problem in the content of a file of that name."""
+    return _assembled(data, name).problem(NOTHING, "kept but not used", keep=True)
+
+
+def vertices(data: bytes, name: str) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Poses and landmarks alone, by their names; those without a place are left out."""
+    graph = _assembled(data, name)
+    poses, points = (
+        {graph.names.get(key, key): np.array(values) for key, (_, values) in some.items() if key not in graph.unknown}
+        for some in (graph.poses, graph.points)
+    )
+    return poses, points
+
+
+def _assembled(data: bytes, name: str) -> Assembly:
     graph = Assembly(name, shared=True)
     for line, text in numbered(decode(data, name)):
         body, mark, comment = text.partition("#")
@@ -82,7 +96,7 @@ def parse(data: bytes, name: str) -> Problem:
             graph.others.append((tag, text.strip()))
         else:
             raise InvalidInputError(f"{where}: expected a tag such as VERTEX_SE2, got {quote(tag)}")
-    return graph.problem(NOTHING, "kept but not used", keep=True)
+    return graph
 
 
 def from_information(texts: tuple[str, ...], where: str, *, unknown: bool = False) -> Spread:
@@ -353,7 +367,8 @@ def _sightings(
         if k in ranged:
             lines.append(_line(f"EDGE_SE2_XY {ends}", *ranged[k]))
         else:
-            lines.append(f"EDGE_BEARING_SE2_XY {ends} {bearing!r} {information(deviation)}")
+            turned = bearing if abs(bearing) <= math.tau else math.remainder(bearing, math.tau)
+            lines.append(f"EDGE_BEARING_SE2_XY {ends} {turned!r} {information(deviation)}")
     return lines
 
 

@@ -77,6 +77,8 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
             elif tag in MOTIONS:
                 motions.append((line, (ends[0], ends[1]), values[:3], tuple(words[6:])))
             else:
+                if tag == "BR":
+                    graph.check_turn(line, values[0])
                 place, upper = (values[:2], values[2:]) if tag == "LANDMARK" else _polar(values, where)
                 graph.offset(line, (ends[0], ends[1]), place, _from_covariance(upper, where))
         elif tag in g2o_file.TAGS or tag == "FIX":

@@ -178,6 +178,8 @@ def read(
     subjects = _barcodes(folder)
     logs = _logs(folder, subjects)
     present = [log.robot for log in logs]
+    if robots is not None and not isinstance(robots, Iterable):
+        raise InvalidInputError(f"robots: expected a list of robots, got {quote(robots)}")
     chosen = present if robots is None else sorted({whole("robots", one, ROBOTS[0], ROBOTS[-1]) for one in robots})
     absent = next((one for one in chosen if one not in present), None)
     if absent is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from bearslam.maps import Map, compare
 from bearslam.reconstruction import Reconstruction, outliers, per_sighting
 
-__all__ = ["columns", "describe", "errors", "listing", "percent", "printable"]
+__all__ = ["SHOWN", "columns", "describe", "errors", "excess", "listing", "percent", "printable"]
 
 SHOWN = 20
 """Rows of a listing that are printed; a file has them all."""
@@ -89,6 +89,31 @@ def errors(result: Reconstruction, truth: Map) -> str:
     if not math.isnan(found.heading):
         parts.append(f"headings {math.degrees(found.heading):.4g} deg rms")
     return f"errors, laid over the truth: {', '.join(parts)}"
+
+
+def excess(result: Reconstruction) -> float:
+    """How many times larger residuals are than their standard deviations let expect, outliers apart.
+
+    NaN without degrees of freedom to tell, or without standard deviations.
+    """
+    sigma = result.sightings.sigma
+    if sigma is None or (sigma == 1.0).all():
+        return math.nan
+    placed, known = np.isfinite(result.poses[:, 0]), np.isfinite(result.landmarks[:, 0])
+    wrong = int(outliers(result).sum())
+    freedom = int(np.isfinite(result.residuals).sum()) - wrong - 3 * int(placed.sum()) - 2 * int(known.sum())
+    if result.pose_priors is None and result.landmark_priors is None:
+        freedom += 4 if result.odometry is None else 3  # nothing holds place, rotation and scale
+    if result.odometry is not None:
+        freedom += 3 * int((placed[result.odometry.start] & placed[result.odometry.end]).sum())
+    if result.pose_priors is not None:
+        held = result.pose_priors.sigma
+        freedom += int(np.isfinite(held).sum()) if held.ndim == 2 else 3 * len(held)
+    if result.landmark_priors is not None:
+        freedom += 2 * len(result.landmark_priors)
+    # An outlier counts with the square of three standard deviations.
+    squares = 2.0 * result.cost - 9.0 * wrong
+    return math.sqrt(max(squares, 0.0) / freedom) if freedom > 0 else math.nan
 
 
 def listing(result: Reconstruction) -> str:

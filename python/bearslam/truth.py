@@ -16,6 +16,7 @@ import numpy as np
 from bearslam import g2o_file
 from bearslam.align import wrap
 from bearslam.coerce import FloatArray, quote
+from bearslam.compressed import GZIP, decompressed
 from bearslam.errors import InvalidInputError
 from bearslam.lines import decode
 from bearslam.maps import Map
@@ -76,12 +77,15 @@ def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
     if file.is_dir():
         truth = Map(_captured(file, views), _ordered(_surveyed(file), landmarks, 2))
     else:
-        suffix = file.suffix.lower()
+        suffix = Path(file.stem if file.suffix.lower() == ".gz" else file.name).suffix.lower()
         if suffix not in READERS:
             raise InvalidInputError(
                 f"truth: expected a name that ends in {' or '.join(READERS)}, or a folder, got {os.fspath(path)!r}"
             )
-        found = READERS[suffix](os.fspath(path), decode(file.read_bytes(), os.fspath(path)))
+        name, data = os.fspath(path), file.read_bytes()
+        if data.startswith(GZIP):
+            data = decompressed(data, name)
+        found = READERS[suffix](name, decode(data, name))
         truth = Map(_ordered(found["views"], views, 3), _ordered(found["landmarks"], landmarks, 2))
     if not any(np.isfinite(part).any() for part in truth):
         raise InvalidInputError(f"{os.fspath(path)}: expected views or landmarks of the problem, got none of them")
@@ -187,13 +191,8 @@ def _put(points: Points, name: str, values: list[float], where: str) -> None:
 
 
 def _g2o(name: str, text: str) -> dict[str, Points]:
-    problem = g2o_file.parse(text.encode(), name)
-    if problem.start is None:
-        return {"views": {}, "landmarks": {}}
-    return {
-        "views": dict(zip(problem.view_ids, problem.start.poses, strict=True)),
-        "landmarks": dict(zip(problem.landmark_ids, problem.start.landmarks, strict=True)),
-    }
+    views, landmarks = g2o_file.vertices(text.encode(), name)
+    return {"views": views, "landmarks": landmarks}
 
 
 READERS = {".json": _json, ".csv": _csv, ".g2o": _g2o}

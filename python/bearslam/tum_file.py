@@ -53,6 +53,10 @@ def render(what: object, robot: str | int | None = None) -> str:
         raise InvalidInputError("what: expected views with a pose, got none")
     rows.sort(key=lambda row: row[0])
     lines = ["# timestamp tx ty tz qx qy qz qw\n"]
+    if None in times and any(time is not None for time in times):
+        lines.append(
+            f"# {times.count(None)} views have no time in their name: timestamps are the numbers of the views\n"
+        )
     if len(rows) < len(views):
         lines.append(f"# {len(views) - len(rows)} of {len(views)} views have no pose and are left out\n")
     return "".join([*lines, *(line for _, line in rows)])

@@ -30,7 +30,6 @@ pub fn look_beyond<T: Real>(
     diagnosis: &mut Diagnosis,
     progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
-    diagnosis.findings.extend(counting::unseen(problem));
     let found;
     let map = match map {
         Some(map) => map,
@@ -52,6 +51,14 @@ pub fn look_beyond<T: Real>(
             }
         },
     };
+    // Odometry and priors place what nobody sees.
+    let placed = |subject: Subject| match subject {
+        Subject::View(view) => map.poses[view].is_some(),
+        Subject::Landmark(landmark) => map.landmarks[landmark].is_some(),
+    };
+    diagnosis
+        .findings
+        .extend(counting::unseen(problem, &placed));
     let absent = |subject: &Subject| match *subject {
         Subject::View(view) => map.poses[view].is_none() && !problem.of_view(view).is_empty(),
         Subject::Landmark(landmark) => {

@@ -5,7 +5,7 @@ use super::describe::finding;
 use super::finding::{Finding, Kind, Severity};
 use super::structure::{Core, Part};
 use super::words::{both, count, list};
-use crate::estimation::Problem;
+use crate::estimation::{Problem, Subject};
 use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
@@ -107,13 +107,15 @@ pub fn outside<T: Real>(problem: &Problem<T>, core: &Core) -> Option<Finding> {
     })
 }
 
-/// Views and landmarks without any sighting.
-pub fn unseen<T: Real>(problem: &Problem<T>) -> Option<Finding> {
+/// Views and landmarks without any sighting, but those that something else has `placed`.
+pub fn unseen<T: Real>(problem: &Problem<T>, placed: &dyn Fn(Subject) -> bool) -> Option<Finding> {
     let views: Vec<usize> = (0..problem.views())
-        .filter(|&view| problem.of_view(view).is_empty())
+        .filter(|&view| problem.of_view(view).is_empty() && !placed(Subject::View(view)))
         .collect();
     let landmarks: Vec<usize> = (0..problem.landmarks())
-        .filter(|&landmark| problem.of_landmark(landmark).is_empty())
+        .filter(|&landmark| {
+            problem.of_landmark(landmark).is_empty() && !placed(Subject::Landmark(landmark))
+        })
         .collect();
     (views.len() + landmarks.len() > 0).then(|| {
         finding(

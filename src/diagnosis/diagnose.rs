@@ -88,7 +88,7 @@ pub fn diagnose<T: Real>(
         return Ok(sorted(diagnosis));
     }
     let findings = &mut diagnosis.findings;
-    findings.extend(counting::unseen(problem));
+    findings.extend(counting::unseen(problem, &|_| false));
     findings.extend(counting::outside(problem, &core));
     findings.extend(counting::apart(&parts));
     if parts.is_empty() {

@@ -45,28 +45,28 @@ pub fn solve_posterior<T: Real>(
         found: Vec::new(),
         failure: NOTHING,
     };
-    let mut starts = if options.robust {
-        robust::along_odometry(problem, options, attempts.progress)?
-    } else {
-        Vec::new()
-    };
-    if let Some(start) = starts.first() {
-        attempts.refine_fitted(start)?;
-    }
-    if !attempts.suffice() {
-        let growing = RefineOptions {
-            loss: if options.robust {
-                Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))
-            } else {
-                options.refine.loss
-            },
-            ..options.refine
-        };
-        let others = anchored(problem, &growing, attempts.progress)?;
-        if let Some(start) = others.first() {
+    let mut starts = Vec::new();
+    if options.robust {
+        starts = robust::along_odometry(problem, options, attempts.progress)?;
+        if let Some(start) = starts.first() {
             attempts.refine_fitted(start)?;
         }
-        starts.extend(others);
+    }
+    // By squares most maps grow best, whatever the loss that they are refined with; where a few bearings are
+    // wrong, with a loss that they do not bend.
+    for loss in [Loss::Squared, Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))] {
+        if attempts.suffice() {
+            break;
+        }
+        let growing = RefineOptions {
+            loss,
+            ..options.refine
+        };
+        let grown = anchored(problem, &growing, attempts.progress)?;
+        if let Some(start) = grown.first() {
+            attempts.refine_fitted(start)?;
+        }
+        starts.extend(grown);
     }
     let hopeless = options.robust && many && !robust::is_searchable(problem);
     if !(attempts.suffice() || hopeless) {
@@ -80,6 +80,9 @@ pub fn solve_posterior<T: Real>(
     attempts.found.truncate(1);
     if attempts.found.is_empty() {
         return Err(attempts.failure);
+    }
+    if options.robust {
+        robust::refuse_minority(&attempts.found[0])?;
     }
     // What the best does not reach, and nothing ties to it, makes maps of its own.
     for start in &starts {

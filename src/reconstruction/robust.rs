@@ -154,9 +154,24 @@ pub(super) fn from_start<T: Real>(
     let Some(settled) = softly(problem, start.clone(), &plain)? else {
         return Ok(None);
     };
-    let settled = replace(problem, settled, &plain, &mut random)?;
+    let settled = replace(problem, settled, &plain, &mut random, progress)?;
     let settled = retrace(problem, settled, &plain, &mut random, progress)?;
     Ok(Some(reconstruction(problem, &settled)))
+}
+
+/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
+/// they say.
+pub(super) fn refuse_minority<T: Real>(found: &Reconstruction<T>) -> Result<(), Error> {
+    let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
+    let outliers = found.inliers.len() - inliers;
+    if outliers > inliers && outliers > FEW_OUTLIERS {
+        return Err(Error::NoConsensus {
+            inliers,
+            outliers,
+            freedom: found.freedom,
+        });
+    }
+    Ok(())
 }
 
 /// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
@@ -241,7 +256,7 @@ fn lowest<T: Real>(
                 let Some(settled) = settle(problem, map, &options.refine)? else {
                     continue;
                 };
-                let settled = replace(problem, settled, &options.refine, random)?;
+                let settled = replace(problem, settled, &options.refine, random, progress)?;
                 let confirmed = confirms(&found, &settled, seed.views);
                 found.push((settled, seed.views));
                 if confirmed {
@@ -309,7 +324,13 @@ fn from_plain<T: Real>(
     let mut found = Vec::new();
     for hypothesis in hypotheses.maps.into_iter().take(PLAIN) {
         if let Some(settled) = settle(problem, hypothesis.map, &options.refine)? {
-            found.push(replace(problem, settled, &options.refine, random)?);
+            found.push(replace(
+                problem,
+                settled,
+                &options.refine,
+                random,
+                progress,
+            )?);
         }
     }
     best_of(found.into_iter())
@@ -350,8 +371,8 @@ fn improve<T: Real>(
         }
         best = exchange(problem, best, &options.refine)?;
         let cost = best.cost;
-        best = replace(problem, best, &options.refine, random)?;
-        best = relocate(problem, best, &options.refine, random)?;
+        best = replace(problem, best, &options.refine, random, progress)?;
+        best = relocate(problem, best, &options.refine, random, progress)?;
         // Each round lowers the cost by more than rounding, or is the last.
         if !(best.cost < cost) {
             return Ok(best);

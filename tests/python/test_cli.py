@@ -5,6 +5,7 @@ import dataclasses
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 import bearslam
 from bearslam.cli import main
 from bearslam.progress import ProgressLine
-from bearslam.report import describe
+from bearslam.report import describe, excess
 
 from .test_files import BAD
 
@@ -437,3 +438,24 @@ def test_many_that_are_undetermined_are_not_all_listed(tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.count("undetermined: landmark once") == 20
     assert "undetermined: ... and 10 more" in said
+
+
+def test_residuals_that_are_too_large_are_told(tmp_path, capsys):
+    scene = bearslam.simulate("enclosed", 8, 12, noise=0.01, seed=1)
+    path = tmp_path / "scene.csv"
+    bearslam.save(scene.bearings, path)
+    assert main(["solve", str(path), "--sigma-deg", "0.1"]) == 0
+    assert re.search(r"warning: residuals are [56]\.\d+ times as large", capsys.readouterr().err)
+    assert main(["solve", str(path), "--sigma-deg", "0.57"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_excess_counts_odometry_and_priors():
+    noise, sigma = 0.01, (0.02, 0.02, 0.01)
+    scene = bearslam.simulate("trajectory", 60, 30, noise=noise, seed=4, sight=2.5)
+    odometry = scene.odometry(sigma, seed=1)
+    known = bearslam.PosePriors([0], scene.poses[:1], [0.1, 0.1, np.inf])
+    beacons = bearslam.LandmarkPriors([3], scene.landmarks[3:4], 0.01)
+    result = bearslam.solve(scene.bearings, sigma=noise, odometry=odometry, pose_priors=known, landmark_priors=beacons)
+    assert excess(result) == pytest.approx(1.0, abs=0.1)
+    assert np.isnan(excess(bearslam.solve(scene.bearings)))

@@ -255,3 +255,11 @@ def test_sightings_are_csv_or_g2o(tmp_path):
     with pytest.raises(InvalidInputError, match="^bearings: "):
         bearslam.save("sightings", tmp_path / "table.csv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("what", "got"), [(None, "NoneType"), (5, "int"), (io.StringIO("view,landmark,bearing\na,b,1\n"), "str")]
+)
+def test_what_cannot_be_read(what, got):
+    with pytest.raises(InvalidInputError, match=f"^path: expected a path or a file opened in binary mode, got {got}"):
+        bearslam.load(what)

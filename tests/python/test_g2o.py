@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Problems and maps in files of g2o."""
 
+import io
 import math
 
 import numpy as np
@@ -48,7 +49,7 @@ def problems(draw):
     pairs = draw(st.lists(st.tuples(st.integers(0, m - 1), st.integers(0, n - 1)), min_size=1, unique=True))
     view, landmark = np.array(pairs).T
     k = len(pairs)
-    bearing = np.array(draw(st.lists(number, min_size=k, max_size=k)))
+    bearing = np.array(draw(st.lists(st.floats(-math.tau, math.tau), min_size=k, max_size=k)))
     sigma = np.array(draw(st.lists(positive, min_size=k, max_size=k)))
     offsets = None
     if count := draw(st.integers(0, k)):
@@ -456,3 +457,15 @@ def test_g2o_reads_all_of_it(solved, tmp_path):
         if lost not in {vertex.id() for vertex in edge.vertices()}:
             chi2 += edge.chi2()
     assert chi2 / 2 == pytest.approx(solved.cost, rel=1e-9)
+
+
+def test_degrees_are_no_radians():
+    text = b"EDGE_BEARING_SE2_XY 0 7 45 100\n"
+    with pytest.raises(InvalidInputError, match=r":1: expected a bearing in radians within one turn, got 45"):
+        bearslam.load(io.BytesIO(text), format="g2o")
+
+
+def test_more_than_a_turn_is_turned_back(tmp_path):
+    path = tmp_path / "a.g2o"
+    bearslam.save(bearslam.Sightings([0, 0], [0, 1], [7.0, -6.0], 0.1), path)
+    np.testing.assert_allclose(bearslam.load(path).sightings.bearing, [7 - 2 * np.pi, -6.0])

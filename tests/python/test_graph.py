@@ -147,7 +147,11 @@ def test_any_text_is_read_or_refused(text):
 coordinate = st.floats(-10, 10)
 
 
-@given(st.lists(st.tuples(coordinate, st.floats(0.1, 1e3), st.floats(1e-3, 1.0), st.floats(1e-3, 10.0)), min_size=1))
+@given(
+    st.lists(
+        st.tuples(st.floats(-6.0, 6.0), st.floats(0.1, 1e3), st.floats(1e-3, 1.0), st.floats(1e-3, 10.0)), min_size=1
+    )
+)
 def test_bearings_with_ranges_come_back_from_g2o(rows):
     text = "".join(f"BR 0 {j} {' '.join(map(repr, row))}\n" for j, row in enumerate(rows))
     problem = parse(text.encode(), "some.graph")
@@ -342,3 +346,20 @@ def test_views_come_in_the_order_of_the_file():
     problem = bearslam.load(io.BytesIO(text), format="graph")
     assert problem.view_ids == ("5", "3", "8")
     assert problem.odometry.start.tolist() == [0, 1]
+
+
+TORO = "VERTEX2 0 0 0 0\nEDGE2 0 1 1 0 0 2500 0 2500 10000 0 0\nBR 1 2 0.5 10 0.02 0.3\n"
+
+
+def test_a_file_that_ends_in_toro_has_information(tmp_path):
+    path = tmp_path / "run.toro"
+    path.write_text(TORO)
+    np.testing.assert_allclose(bearslam.load(path).odometry.sigma, [[0.02, 0.02, 0.01]])
+    np.testing.assert_allclose(bearslam.load(path, noise="graph").odometry.sigma, [[50, 50, 100]])
+
+
+def test_degrees_are_no_radians(tmp_path):
+    path = tmp_path / "run.graph"
+    path.write_text(TORO.replace("BR 1 2 0.5", "BR 1 2 45"))
+    with pytest.raises(InvalidInputError, match=r"run.graph:3: expected a bearing in radians within one turn, got 45"):
+        bearslam.load(path)

@@ -93,3 +93,14 @@ def test_bearings_modulo_pi():
     result = bearslam.solve(bearings % np.pi, sigma=NOISE, robust=True, oriented=False)
     assert (result.inliers & wrong).sum() <= 1
     assert (~result.inliers & ~wrong).sum() <= 3
+
+
+def test_along_odometry_most_bearings_must_agree():
+    """Odometry alone makes a map, whatever the bearings say."""
+    noise = np.radians(0.5)
+    scene = bearslam.simulate("trajectory", 60, 30, noise=noise, seed=4, sight=2.5)
+    odometry = scene.odometry([0.02, 0.02, 0.01], seed=1)
+    random = np.random.default_rng(0)
+    nonsense = np.where(np.isnan(scene.bearings), np.nan, random.uniform(-np.pi, np.pi, scene.bearings.shape))
+    with pytest.raises(bearslam.DegenerateError, match="no consensus"):
+        bearslam.solve(nonsense, sigma=noise, odometry=odometry, robust=True)

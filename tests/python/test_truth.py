@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """True maps in files, in the order of a problem, and what the command line says of them."""
 
+import gzip
 import json
 import re
 
@@ -218,3 +219,17 @@ def test_what_the_truth_does_not_have_is_not_named(tmp_path, monkeypatch, capsys
     assert main(["solve", "scene.csv", "--truth", "truth.csv"]) == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("errors"))
     assert re.fullmatch(r"errors, laid over the truth: 2 positions \S+ rms", line)
+
+
+def test_vertices_alone_and_compressed(scene, tmp_path):
+    lines = [f"VERTEX_SE2 {i} {x!r} {y!r} {a!r}" for i, (x, y, a) in enumerate(scene.poses.tolist())]
+    lines += [
+        f"VERTEX_XY {100 + j} {x!r} {y!r}  # bearslam name {j}" for j, (x, y) in enumerate(scene.landmarks.tolist())
+    ]
+    path = tmp_path / "truth.g2o"
+    path.write_text("\n".join(lines) + "\n")
+    (tmp_path / "truth.g2o.gz").write_bytes(gzip.compress(path.read_bytes()))
+    for one in (path, tmp_path / "truth.g2o.gz"):
+        truth = bearslam.load_truth(one, scene.bearings)
+        np.testing.assert_array_equal(truth.poses, scene.poses)
+        np.testing.assert_array_equal(truth.landmarks, scene.landmarks)

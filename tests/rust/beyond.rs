@@ -53,6 +53,26 @@ fn odometry_determines_what_a_wall_does_not() {
     assert_eq!(found.components[0].freedom(), 48 + 15 - 34 + 3);
 }
 
+/// Views that see nothing are where odometry carries them.
+#[test]
+fn odometry_places_views_that_see_nothing() {
+    let arena = Arena {
+        sight: 3.0,
+        ..Arena::default()
+    };
+    let mut scene = simulate(Layout::Trajectory, 30, 20, 0.005, 1, arena).unwrap();
+    let odometry = scene.odometry([0.02, 0.02, 0.01], 1).unwrap();
+    scene.bearings[10 * 20..13 * 20].fill(f64::NAN);
+    let blind = Problem::dense(30, 20, &scene.bearings, 0.005).unwrap();
+    let tied = blind.clone().with_odometry(&odometry).unwrap();
+    let found = diagnose(&tied, None, None).unwrap();
+    assert!(found.determined(), "{found}");
+    let found = diagnose(&blind, None, None).unwrap();
+    let finding = &found.findings[0];
+    assert_eq!(finding.kind, Kind::TooFewSightings);
+    assert_eq!(finding.views, [10, 11, 12]);
+}
+
 #[test]
 fn priors_leave_what_they_leave() {
     // Two known landmarks tell the frame, and nothing about the wall's other freedom.

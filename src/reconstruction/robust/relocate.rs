@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Views and landmarks in other places.
 
+use super::super::options::{Progress, tell};
 use super::motions::Motions;
 use super::objective::{OUTLIER, cost, inliers};
 use super::place::{Placed, place_landmark, place_view};
@@ -29,12 +30,13 @@ const ROUNDS: usize = 10;
 /// Moves all views and landmarks to where most agrees with them, as long as that lowers the cost.
 ///
 /// # Errors
-/// Those of the refinement.
+/// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
 pub fn replace<T: Real>(
     problem: &Problem<T>,
     mut best: Settled<T>,
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Settled<T>, Error> {
     let motions = Motions::new(problem);
     // Bearings alone know nothing of the motions of a view.
@@ -43,7 +45,10 @@ pub fn replace<T: Real>(
         let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
         present.is_none_or(|present| cost_at(place) < cost_at(&present))
     };
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
+        if !tell(progress, "replace", round, ROUNDS) {
+            return Err(Error::Interrupted);
+        }
         let mut map = best.map.clone();
         for view in 0..problem.views() {
             if let Some(placed) = place_view(problem, &map, view, OUTLIER, 1, random).first()
@@ -81,19 +86,23 @@ enum Move<T: Real> {
 /// lowers the cost.
 ///
 /// # Errors
-/// Those of the refinement.
+/// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
 pub fn relocate<T: Real>(
     problem: &Problem<T>,
     mut best: Settled<T>,
     options: &RefineOptions<T>,
     random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Settled<T>, Error> {
     // Where each try moves hundreds of views, only one that promises something is followed to its end.
     let tied = !problem.ties().is_empty();
     for _ in 0..ROUNDS {
         let mut lower = None;
         let limit = best.cost + T::lit(WORSE * OUTLIER * OUTLIER / 2.0);
-        for (bound, place) in moves(problem, &best.map, random) {
+        for (tried, (bound, place)) in moves(problem, &best.map, random).into_iter().enumerate() {
+            if !tell(progress, "relocate", tried, TRIED) {
+                return Err(Error::Interrupted);
+            }
             let mut map = best.map.clone();
             match place {
                 Move::View(view, pose) => map.poses[view] = Some(pose),

@@ -75,10 +75,10 @@ pub fn retrace<T: Real>(
             if let Some(found) = softly(problem, map, options)?
                 && found.is_below(&best)
             {
-                best = replace(problem, found, options, random)?;
+                best = replace(problem, found, options, random, progress)?;
             }
         }
-        best = relocate(problem, best, options, random)?;
+        best = relocate(problem, best, options, random, progress)?;
         if !(best.cost + T::lit(WORTH) < cost) {
             break;
         }
