@@ -140,8 +140,10 @@ class _Builder:
             keys = self._x(first), self._x(views[last])
             noise = isotropic(1, HELD * self.size)
             self.graph.add(self.gtsam.RangeFactorPose2(*keys, float(reach[last]), noise))
-        if self._frees(self._place(self.result.poses[first, :2])):
-            self.graph.add(self.gtsam.PoseTranslationPrior2D(self._x(first), pose, isotropic(2, HELD * self.size)))
+        rows = self._place(self.result.poses[first, :2])
+        held = np.array([HELD * self.size if self._frees(row[None]) else np.inf for row in rows])
+        if np.isfinite(held).any():
+            self.graph.add(self.gtsam.PoseTranslationPrior2D(self._x(first), pose, self._noise(held)))
 
     def _place(self, point: FloatArray) -> FloatArray:
         """How a point moves with the whole map."""

@@ -278,3 +278,21 @@ def test_without_gtsam(monkeypatch):
     monkeypatch.setattr(importlib, "import_module", missing)
     with pytest.raises(ImportError, match="pip install gtsam"):
         result.to_gtsam()
+
+
+@needs_gtsam
+def test_what_is_half_known_is_not_held_as_well():
+    """Of a known y the standard deviation stays what it is, though x is held."""
+    import gtsam
+
+    noise = np.radians(0.5)
+    scene = bearslam.simulate("trajectory", 20, 15, noise=noise, seed=3, sight=3)
+    known = bearslam.PosePriors(range(5), scene.poses[:5], sigma=[np.inf, 0.1, 0.05])
+    odometry = scene.odometry([0.02, 0.02, 0.01], seed=3)
+    result = bearslam.solve(scene.bearings, sigma=noise, odometry=odometry, pose_priors=known, covariance=True)
+    graph, values = result.to_gtsam()
+    theirs = gtsam.Marginals(graph, values).marginalCovariance(gtsam.symbol("x", 0))
+    c, s = np.cos(result.poses[0, 2]), np.sin(result.poses[0, 2])
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    theirs = turn @ theirs @ turn.T
+    np.testing.assert_allclose(np.diag(theirs)[1:], np.diag(result.pose_covariance[0])[1:], rtol=0.02)
