@@ -7,6 +7,7 @@ mod common;
 mod degenerate;
 mod diagnosis;
 mod fixed;
+mod header;
 mod layers;
 mod posterior;
 mod properties;
