@@ -94,7 +94,8 @@ int main(void) {
 
     double cost;
     size_t iterations;
-    check("refinement", bearslam_refine(bearings[0], SIGMA, VIEWS, LANDMARKS, poses[0], landmarks[0], 30, &cost,
+    // At most 30 steps, and to the last digit; a tolerance of 1e-10 would do.
+    check("refinement", bearslam_refine(bearings[0], SIGMA, VIEWS, LANDMARKS, poses[0], landmarks[0], 30, 0.0, &cost,
                                         &iterations, memory, sizeof memory));
     print("refined_poses", poses[0], 3 * VIEWS);
     print("refined_landmarks", landmarks[0], 2 * LANDMARKS);

@@ -14,6 +14,9 @@
 // Most landmarks of `bearslam_three_view`, whose rays are on the stack.
 #define BEARSLAM_MAX_TRIPLES 64
 
+// Most rounds of reweighting of `bearslam_three_view`: a count that went wrong is not worked off.
+#define BEARSLAM_MAX_REWEIGHTS 100
+
 // Most views of `bearslam_refine`.
 #define BEARSLAM_MAX_VIEWS 16
 
@@ -30,11 +33,11 @@ typedef enum BearslamStatus {
   BEARSLAM_STATUS_MISALIGNED,
   // Fewer views or landmarks than the call needs.
   BEARSLAM_STATUS_TOO_FEW,
-  // More views or landmarks than the call can take.
+  // More views, landmarks or rounds than the call can take.
   BEARSLAM_STATUS_TOO_LARGE,
   // A number is infinite, or NaN where that means nothing.
   BEARSLAM_STATUS_NOT_FINITE,
-  // The standard deviation is not positive.
+  // The standard deviation is not positive, or the tolerance is negative.
   BEARSLAM_STATUS_NOT_POSITIVE,
   // No such method.
   BEARSLAM_STATUS_UNKNOWN_METHOD,
@@ -70,7 +73,8 @@ const char *bearslam_status_text(int status);
 //
 // - `bearings`: 3 x `landmark_count`, by view. A landmark that one of the views does not see takes no part.
 // - `landmark_count`: at most `BEARSLAM_MAX_TRIPLES`.
-// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated one (1 is good).
+// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated one (2 is good), at
+//   most `BEARSLAM_MAX_REWEIGHTS`.
 // - `poses`: 2 x 3 x 3, by solution, then by view.
 // - `landmarks`: 2 x `landmark_count` x 2; NaN where rays are parallel or one is missing.
 // - `inconsistent`: 2; how many sightings point away from their landmark.
@@ -158,6 +162,8 @@ size_t bearslam_refine_size_f32(size_t view_count, size_t landmark_count);
 // - `view_count`, `landmark_count`: at most `BEARSLAM_MAX_VIEWS` and `BEARSLAM_MAX_LANDMARKS`.
 // - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one with x NaN takes no part.
 // - `max_iterations`: most linear systems to solve, which bounds the time.
+// - `tolerance`: ends when a step lowers the cost by less than this part of it; 1e-10 (1e-7 in single
+//   precision) is good, 0 goes on until no step lowers it.
 // - `cost`: 1; half the sum of squares. `iterations`: 1; linear systems solved.
 // - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. What is
 //   in it before and after means nothing.
@@ -171,6 +177,7 @@ enum BearslamStatus bearslam_refine(const double *bearings,
                                     double *poses,
                                     double *landmarks,
                                     size_t max_iterations,
+                                    double tolerance,
                                     double *cost,
                                     size_t *iterations,
                                     void *memory,
@@ -187,6 +194,7 @@ enum BearslamStatus bearslam_refine_f32(const float *bearings,
                                         float *poses,
                                         float *landmarks,
                                         size_t max_iterations,
+                                        float tolerance,
                                         float *cost,
                                         size_t *iterations,
                                         void *memory,

@@ -48,7 +48,7 @@ pub enum BearslamStatus {
     TooLarge,
     /// A number is infinite, or NaN where that means nothing.
     NotFinite,
-    /// The standard deviation is not positive.
+    /// The standard deviation is not positive, or the tolerance is negative.
     NotPositive,
     /// No such method.
     UnknownMethod,
@@ -92,7 +92,7 @@ impl BearslamStatus {
             Self::NotFinite,
             c"a number is infinite, or NaN where that means nothing",
         ),
-        (Self::NotPositive, c"the standard deviation is not positive"),
+        (Self::NotPositive, c"the standard deviation is not positive, or the tolerance is negative"),
         (Self::UnknownMethod, c"no such method"),
         (
             Self::MemoryTooSmall,
@@ -311,18 +311,16 @@ unsafe fn three_views<T: Real>(
     poses.fill(nan);
     landmarks.fill(nan);
     inconsistent.fill(0);
-    let poses = poses.chunks_exact_mut(9);
-    let landmarks = landmarks.chunks_exact_mut((2 * count).max(1));
-    let outputs = poses.zip(landmarks).zip(inconsistent);
-    for (motion, ((poses, landmarks), inconsistent)) in
-        found.motions.iter().take(count_found).zip(outputs)
-    {
+    let mut poses = poses.as_chunks_mut().0.iter_mut();
+    let mut landmarks = landmarks.as_chunks_mut().0.iter_mut();
+    let motions = found.motions.iter().take(count_found);
+    for (motion, inconsistent) in motions.zip(inconsistent) {
         *inconsistent = motion.inconsistent;
-        for (place, pose) in poses.as_chunks_mut().0.iter_mut().zip(&motion.poses) {
+        for (pose, place) in motion.poses.iter().zip(&mut poses) {
             *place = triplet(pose);
         }
         let mut triples = triples.iter();
-        for (place, seen) in landmarks.as_chunks_mut().0.iter_mut().zip(seen()) {
+        for (seen, place) in seen().zip(&mut landmarks) {
             let triple = seen.and_then(|_| triples.next());
             if let Some(point) = triple.and_then(|triple| motion.landmark(triple)) {
                 *place = [point.x, point.y];
@@ -389,9 +387,8 @@ unsafe fn triangulation<T: Real>(
     };
     let seen = poses.as_chunks().0.iter().zip(bearings);
     let seen = seen.filter(|(_, bearing)| !is_nan(**bearing));
-    let rays = seen.map(|([x, y, heading], bearing)| {
-        (pose(*x, *y, *heading), Bearing::new(*bearing))
-    });
+    let rays =
+        seen.map(|([x, y, heading], bearing)| (pose(*x, *y, *heading), Bearing::new(*bearing)));
     let point = triangulate(rays)?.point;
     place.copy_from_slice(&[point.x, point.y]);
     Ok(())
@@ -491,6 +488,8 @@ struct Room<T: Real, const M: usize, const N: usize> {
 /// - `view_count`, `landmark_count`: at most `BEARSLAM_MAX_VIEWS` and `BEARSLAM_MAX_LANDMARKS`.
 /// - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one with x NaN takes no part.
 /// - `max_iterations`: most linear systems to solve, which bounds the time.
+/// - `tolerance`: ends when a step lowers the cost by less than this part of it; 1e-10 (1e-7 in single
+///   precision) is good, 0 goes on until no step lowers it.
 /// - `cost`: 1; half the sum of squares. `iterations`: 1; linear systems solved.
 /// - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. What is
 ///   in it before and after means nothing.
@@ -506,6 +505,7 @@ pub unsafe extern "C" fn bearslam_refine(
     poses: *mut f64,
     landmarks: *mut f64,
     max_iterations: usize,
+    tolerance: f64,
     cost: *mut f64,
     iterations: *mut usize,
     memory: *mut c_void,
@@ -518,7 +518,10 @@ pub unsafe extern "C" fn bearslam_refine(
             sigma,
             [view_count, landmark_count],
             (poses, landmarks),
-            max_iterations,
+            FixedOptions {
+                max_iterations,
+                tolerance,
+            },
             (cost, iterations),
             (memory, memory_size),
         )
@@ -538,6 +541,7 @@ pub unsafe extern "C" fn bearslam_refine_f32(
     poses: *mut f32,
     landmarks: *mut f32,
     max_iterations: usize,
+    tolerance: f32,
     cost: *mut f32,
     iterations: *mut usize,
     memory: *mut c_void,
@@ -550,7 +554,10 @@ pub unsafe extern "C" fn bearslam_refine_f32(
             sigma,
             [view_count, landmark_count],
             (poses, landmarks),
-            max_iterations,
+            FixedOptions {
+                max_iterations,
+                tolerance,
+            },
             (cost, iterations),
             (memory, memory_size),
         )
@@ -562,7 +569,7 @@ unsafe fn refinement<T: Real>(
     sigma: T,
     [views, points]: [usize; 2],
     (poses, landmarks): (*mut T, *mut T),
-    max_iterations: usize,
+    options: FixedOptions<T>,
     (cost, iterations): (*mut T, *mut usize),
     (memory, memory_size): (*mut c_void, usize),
 ) -> Found<()> {
@@ -583,7 +590,7 @@ unsafe fn refinement<T: Real>(
             sigma,
             poses: output(poses, views, 3)?,
             landmarks: output(landmarks, points, 2)?,
-            max_iterations,
+            options,
             cost: output(cost, 1, 1)?,
             iterations: output(iterations, 1, 1)?,
         }
@@ -611,21 +618,42 @@ unsafe fn room<'a, T: Real, const M: usize, const N: usize>(
     if !room.is_aligned() {
         return Err(BearslamStatus::Misaligned);
     }
-    // SAFETY: aligned and large enough; parts are written before the whole is referred to.
+    // In place: made by `new` it would pass over the stack. SAFETY: aligned and large enough. All is numbers, for
+    // which zero bits are valid (`T` is f32 or f64), and options, which are written one by one.
     unsafe {
-        (&raw mut (*room).map).write(FixedMap::new());
-        (&raw mut (*room).workspace).write(Workspace::default());
+        room.write_bytes(0, 1);
+        write_none(&raw mut (*room).map.poses);
+        write_none(&raw mut (*room).map.landmarks);
+        write_none_by_row(&raw mut (*room).map.sightings);
+        write_none(&raw mut (*room).workspace.poses);
+        write_none(&raw mut (*room).workspace.landmarks);
         Ok(&mut *room)
     }
 }
 
-struct Refinement<'a, T> {
+/// # Safety
+/// The array is aligned and may be written.
+unsafe fn write_none<U, const K: usize>(array: *mut [Option<U>; K]) {
+    let first = array.cast::<Option<U>>();
+    // SAFETY: within the array.
+    (0..K).for_each(|k| unsafe { first.add(k).write(None) });
+}
+
+/// # Safety
+/// As [`write_none`].
+unsafe fn write_none_by_row<U, const K: usize, const L: usize>(rows: *mut [[Option<U>; K]; L]) {
+    let first = rows.cast::<[Option<U>; K]>();
+    // SAFETY: within the rows.
+    (0..L).for_each(|row| unsafe { write_none(first.add(row)) });
+}
+
+struct Refinement<'a, T: Real> {
     /// By view.
     bearings: &'a [T],
     sigma: T,
     poses: &'a mut [T],
     landmarks: &'a mut [T],
-    max_iterations: usize,
+    options: FixedOptions<T>,
     cost: &'a mut [T],
     iterations: &'a mut [usize],
 }
@@ -638,7 +666,7 @@ impl<T: Real> Refinement<'_, T> {
             self.landmarks.as_chunks_mut().0,
         );
         // A map without sightings would not ask.
-        if !(self.sigma > T::zero()) {
+        if !(self.sigma > T::zero() && self.options.tolerance >= T::zero()) {
             return Err(BearslamStatus::NotPositive);
         }
         for (place, &[x, y, heading]) in map.poses.iter_mut().zip(poses.iter()) {
@@ -651,19 +679,15 @@ impl<T: Real> Refinement<'_, T> {
                 *place = Some(Point2::new(finite(x)?, finite(y)?));
             }
         }
-        let rows = self.bearings.chunks_exact(landmarks.len().max(1));
-        for (view, row) in rows.enumerate() {
-            for (landmark, angle) in row.iter().enumerate() {
+        let mut angles = self.bearings.iter();
+        for view in 0..poses.len() {
+            for (landmark, angle) in (0..landmarks.len()).zip(&mut angles) {
                 if !is_nan(*angle) {
                     map.see(view, landmark, Bearing::new(*angle), self.sigma)?;
                 }
             }
         }
-        let options = FixedOptions {
-            max_iterations: self.max_iterations,
-            ..FixedOptions::default()
-        };
-        let report = map.refine(workspace, &options)?;
+        let report = map.refine(workspace, &self.options)?;
         map.normalize();
 
         let nan = T::zero() / T::zero();
