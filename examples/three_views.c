@@ -19,8 +19,8 @@ enum { VIEWS = 4, LANDMARKS = 8, HIDDEN = 7 };
 static const double SIGMA = 0.002;
 
 // Poses x, y, heading and landmarks x, y of the world; the robot does not know them.
-static const double WORLD_POSES[VIEWS][3] = {{0, 0, 0.3}, {3, 0.5, 0.7}, {1, 3, -0.4}, {4, 3.5, 2.1}};
-static const double WORLD_LANDMARKS[LANDMARKS][2] = {{1, 1.5}, {2, 4}, {-1, 2}, {5, 3}, {2, -2}, {0.5, -1}, {6, 1}, {3, 6}};
+static const double WORLD_POSES[VIEWS][3] = {{0, 0, 0.3}, {4, -0.5, 0.7}, {1.5, 4, -0.4}, {5, 4.5, 2.1}};
+static const double WORLD_LANDMARKS[LANDMARKS][2] = {{1.5, 1.5}, {3, 3}, {-1.5, 2}, {5.5, 2}, {2, -2}, {-1, -1}, {6, 1}, {3, 6}};
 
 // What the refinement works in: room for all that it can take, aligned as a double.
 static double memory[16 * 1024];

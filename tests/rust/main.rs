@@ -3,6 +3,8 @@
 
 mod batch;
 mod beyond;
+#[cfg(feature = "capi")]
+mod capi;
 mod common;
 mod degenerate;
 mod diagnosis;
