@@ -16,7 +16,7 @@
 enum { VIEWS = 4, LANDMARKS = 8, HIDDEN = 7 };
 
 // Standard deviation of a bearing [rad].
-static const double SIGMA = 0.002;
+static const double SIGMA = 0.001;
 
 // Poses x, y, heading and landmarks x, y of the world; the robot does not know them.
 static const double WORLD_POSES[VIEWS][3] = {{0, 0, 0.3}, {4, -0.5, 0.7}, {1.5, 4, -0.4}, {5, 4.5, 2.1}};
