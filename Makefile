@@ -32,7 +32,7 @@ test: test-rust probe test-python ## Run all tests, Rust and Python
 all: lint test ## What CI runs: lint and test
 
 test-rust:
-	cargo test $(LOCKED) --features rayon
+	cargo test $(LOCKED) --features rayon,capi
 	cargo check $(LOCKED) --no-default-features
 	cargo check $(LOCKED) --no-default-features --features alloc
 
@@ -57,6 +57,14 @@ probe: ## Prove that the kernels need no std, no heap and no panic
 		fi; \
 	done
 
+CAPI := $(LOCKED) --quiet --release --manifest-path capi/Cargo.toml --target-dir target/capi
+
+capi: ## Build the static library of the C interface into ./target/capi/release/
+	cargo build $(CAPI)
+
+header: ## Write the header of the C interface anew
+	BEARSLAM_WRITE_HEADER=1 cargo test $(LOCKED) --features rayon,capi --test rust header
+
 test-python: $(VENV)/.installed $(VENV)/.dev
 	$(BIN)/python -m mypy.stubtest bearslam --allowlist tests/python/stubtest.txt --ignore-unused-allowlist
 	$(BIN)/python -m pytest
@@ -69,7 +77,9 @@ format: $(VENV)/.dev ## Format Rust and Python
 lint: $(VENV)/.dev ## Check format, clippy, ruff, types and documentation
 	cargo fmt --check
 	cargo fmt --check --manifest-path tests/probe/Cargo.toml
+	cargo fmt --check --manifest-path capi/Cargo.toml
 	cargo clippy $(PROBE) -- -D warnings
+	cargo clippy $(CAPI) -- -D warnings
 	cargo clippy $(LOCKED) --all-targets -- -D warnings
 	cargo clippy $(LOCKED) --all-targets --all-features -- -D warnings
 	cargo clippy $(LOCKED) --no-default-features -- -D warnings
@@ -115,4 +125,4 @@ $(VENV)/.installed: dist/.built
 	wheel=$$(echo dist/*.whl); $(PIP) install --quiet "$$wheel[plot]"
 	touch $@
 
-.PHONY: help demo test test-rust probe test-python all format lint wheel bench docs clean
+.PHONY: help demo test test-rust probe capi header test-python all format lint wheel bench docs clean

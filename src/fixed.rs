@@ -62,7 +62,7 @@ pub struct FixedMap<T: Real, const M: usize, const N: usize> {
     /// The position of each landmark; `None` where it is not determined.
     pub landmarks: [Option<Point2<T>>; N],
     /// By landmark, then by view.
-    sightings: [[Option<Seen<T>>; M]; N],
+    pub(crate) sightings: [[Option<Seen<T>>; M]; N],
 }
 
 impl<T: Real, const M: usize, const N: usize> Default for FixedMap<T, M, N> {

@@ -29,6 +29,7 @@
 //! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
 //! | `batch` | many problems over all cores | `rayon` |
 //! | `sweep` | Monte-Carlo sweeps over random scenes | `rayon` |
+//! | `capi` | the C interface | `core`, `capi` |
 //! | `python` | the extension module of the Python package | `python` |
 //!
 //! # Conventions
@@ -49,6 +50,8 @@ extern crate std;
 
 #[cfg(feature = "rayon")]
 mod batch;
+#[cfg(feature = "capi")]
+pub mod capi;
 #[cfg(feature = "alloc")]
 mod diagnosis;
 mod error;

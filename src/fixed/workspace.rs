@@ -17,8 +17,8 @@ pub struct Workspace<T: Real, const M: usize, const N: usize> {
     pub(super) rows: [[Row<T>; M]; N],
     pub(super) spare: [Row<T>; M],
     /// The map after the step.
-    pub(super) poses: [Option<Pose<T>>; M],
-    pub(super) landmarks: [Option<Point2<T>>; N],
+    pub(crate) poses: [Option<Pose<T>>; M],
+    pub(crate) landmarks: [Option<Point2<T>>; N],
     /// The reduced matrix, then its factor: the lower triangle.
     matrix: [[Block<T>; M]; M],
     /// Minus the reduced gradient, then the step of the poses.

@@ -15,7 +15,7 @@ const LAYERS: [&[&str]; 10] = [
     &["diagnosis"],
     &["batch"],
     &["sweep"],
-    &["python"],
+    &["python", "capi"],
 ];
 
 fn layer(module: &str) -> usize {

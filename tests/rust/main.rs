@@ -3,10 +3,13 @@
 
 mod batch;
 mod beyond;
+#[cfg(feature = "capi")]
+mod capi;
 mod common;
 mod degenerate;
 mod diagnosis;
 mod fixed;
+mod header;
 mod layers;
 mod posterior;
 mod properties;
