@@ -5,7 +5,7 @@
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
 use super::complement::complement;
-use super::gram::{self, Symmetric};
+use super::gram;
 use super::motion::{LineMotion, Motion, settle};
 use super::pair::{ComplexPair, Pair};
 use super::triangular::TriangularFactor;
@@ -141,25 +141,21 @@ impl<T: Real> CalibratedTensor<T> {
     /// The same by Gram matrices: at least one reweight, and well-conditioned rows. `None` where they
     /// are not.
     fn quick(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
-        let mut vector = gram::rough(normal(triples, |_, there| there))?;
+        let mut vector = gram::rough(&gram::products(triples, |two| products_in_step(two)))?;
         let mut singular_values = [T::zero(); 2];
         for _ in 0..reweights {
             let [a, b, c, d, e, f] = vector;
-            let mut image = [Pair([T::zero(); 2]); 6];
-            let gram = normal(triples, |row, there| {
-                let [p, p_im, q, q_im, r, r_im] = *row;
+            // The weighted row, and its residual.
+            let products = gram::products(triples, |two| {
+                let [p, p_im, q, q_im, r, r_im] = products_in_step(two);
                 let [x, y, z] = [p_im * a - p * b, q_im * c - q * d, r_im * e - r * f];
                 let [fa, fb, fc] = [x + y - z, x - y + z, y + z - x];
-                let variance = fa * fa + fb * fb + fc * fc;
-                let weight = there.zip(variance, |there, variance| there / (variance + T::eps()));
+                let weight = (fa * fa + fb * fb + fc * fc)
+                    .map(|variance| T::one() / (variance + T::eps()).sqrt());
                 let residual = (p * a + p_im * b) + (q * c + q_im * d) + (r * e + r_im * f);
-                let share = weight * residual;
-                for (image, value) in image.iter_mut().zip(row) {
-                    *image = *image + *value * share;
-                }
-                weight
+                [p, p_im, q, q_im, r, r_im, residual].map(|column| column * weight)
             });
-            let found = gram::correct(gram, &vector, &image.map(Pair::sum))?;
+            let found = gram::correct(&products, &vector)?;
             (vector, singular_values) = (found.vector, found.singular_values);
         }
         Some(Self::from_vector(&Vector6::from(vector), singular_values))
@@ -312,39 +308,9 @@ fn factor<T: Real>(
     factor
 }
 
-/// `A^T W A` of the rows A, for the squares W of their weights.
-///
-/// `weight` gets two rows in step, and for each of them one, or zero where there is no landmark.
-#[inline(always)]
-fn normal<T: Real>(
-    triples: &[Triple<T>],
-    mut weight: impl FnMut(&[Pair<T>; 6], Pair<T>) -> Pair<T>,
-) -> Symmetric<T> {
-    let (zero, one) = (T::zero(), T::one());
-    let mut sums = [[Pair([zero; 2]); 6]; 6];
-    for two in triples.chunks(2) {
-        let (first, second, there) = match two {
-            [first, second] => (first, second, one),
-            [first] => (first, first, zero),
-            _ => break,
-        };
-        let row = products_in_step(complex(first), complex(second));
-        let weight = weight(&row, Pair([one, there]));
-        for i in 0..6 {
-            let weighted = row[i] * weight;
-            for j in i..6 {
-                sums[i][j] = sums[i][j] + weighted * row[j];
-            }
-        }
-    }
-    sums.map(|row| row.map(Pair::sum))
-}
-
 /// [`real`] of [`products`] for two landmarks.
 #[inline(always)]
-fn products_in_step<T: Real>(first: [Complex<T>; 3], second: [Complex<T>; 3]) -> [Pair<T>; 6] {
-    let [u, v, w]: [ComplexPair<T>; 3] =
-        core::array::from_fn(|k| ComplexPair::new([first[k], second[k]]));
+fn products_in_step<T: Real>([u, v, w]: [ComplexPair<T>; 3]) -> [Pair<T>; 6] {
     let [a, b, c, d] = [u.re * v.re, u.im * v.im, u.re * v.im, u.im * v.re];
     let (sum_re, sum_im, re, im) = (a - b, c + d, a + b, d - c);
     let [a, b, c, d] = [re * w.re, im * w.im, re * w.im, im * w.re];
@@ -494,7 +460,9 @@ mod tests {
             let [first, second] = quick.singular_values;
             let [smallest, next] = expected.singular_values;
             off = off.max((second / next - 1.0).abs());
-            std::eprintln!("{seed} {noise} {count} {reweights} {distance:e} {error:e} {first:e} {smallest:e} {second} {next}");
+            std::eprintln!(
+                "{seed} {noise} {count} {reweights} {distance:e} {error:e} {first:e} {smallest:e} {second} {next}"
+            );
         }
         std::eprintln!("{answered:?} {worst:e} {off}");
         assert!(false);

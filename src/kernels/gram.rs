@@ -7,15 +7,79 @@
 //! what the squared condition number costs of its digits is small beside the noise. Where it would
 //! not be, there is no answer, and the triangular factor has to give one.
 
-use super::pair::Pair;
+use super::Triple;
+use super::pair::{ComplexPair, Pair};
 use crate::scalar::Real;
 use core::ops::{Mul, Sub};
+use nalgebra::Complex;
 
 /// Columns of the calibrated system.
 const N: usize = 6;
 
 /// The upper triangle of a symmetric matrix; the rest is never read.
 pub(super) type Symmetric<T> = [[T; N]; N];
+
+/// Pairs of rows that are multiplied together.
+const BLOCK: usize = 4;
+
+/// The sums over all rows of column i times column j, for j from i on; the rest is zero.
+///
+/// `row` makes two rows in step from two landmarks; from a landmark of zeros it has to make a row of zeros.
+#[inline(always)]
+pub(super) fn products<T: Real, const C: usize>(
+    triples: &[Triple<T>],
+    row: impl Fn([ComplexPair<T>; 3]) -> [Pair<T>; C],
+) -> [[T; C]; N] {
+    let zero = Pair([T::zero(); 2]);
+    let mut sums = [[zero; C]; N];
+    let mut columns = [[zero; BLOCK]; C];
+    for block in triples.chunks(2 * BLOCK) {
+        if block.len() < 2 * BLOCK {
+            columns = [[zero; BLOCK]; C];
+        }
+        for (place, two) in block.chunks(2).enumerate() {
+            let nothing = [Complex::new(T::zero(), T::zero()); 3];
+            let (first, second) = match two {
+                [first, second] => (complex(first), complex(second)),
+                [first] => (complex(first), nothing),
+                _ => break,
+            };
+            let pairs = row(core::array::from_fn(|k| {
+                ComplexPair::new([first[k], second[k]])
+            }));
+            // Always so; the compiler sees no panic then.
+            if place < BLOCK {
+                for (column, pair) in columns.iter_mut().zip(pairs) {
+                    column[place] = pair;
+                }
+            }
+        }
+        add(&columns, &mut sums);
+    }
+    sums.map(|row| row.map(Pair::sum))
+}
+
+/// Adds the products of all pairs of columns.
+///
+/// A function of its own: within another the compiler would not find that the numbers of a pair belong into one
+/// register.
+#[inline(never)]
+fn add<T: Real, const C: usize>(columns: &[[Pair<T>; BLOCK]; C], sums: &mut [[Pair<T>; C]; N]) {
+    for i in 0..N {
+        for j in i..C {
+            let mut sum = sums[i][j];
+            for k in 0..BLOCK {
+                sum = sum + columns[i][k] * columns[j][k];
+            }
+            sums[i][j] = sum;
+        }
+    }
+}
+
+#[inline]
+fn complex<T: Real>(triple: &Triple<T>) -> [Complex<T>; 3] {
+    triple.map(|bearing| bearing.into_inner())
+}
 
 /// Most steps of either iteration. What needs more is nearly degenerate.
 const MAX_STEPS: usize = 16;
@@ -24,7 +88,8 @@ const MAX_STEPS: usize = 16;
 ///
 /// Inverse iteration on `gram = A^T A`. `None` where a pivot says that the digits may not suffice, or
 /// where the iteration does not end.
-pub(super) fn rough<T: Real>(mut gram: Symmetric<T>) -> Option<[T; N]> {
+pub(super) fn rough<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
+    let mut gram = *gram;
     let trace = trace(&gram);
     let inverse = factor(&mut gram, trace, T::eps() * trace)?;
     // The first step, from the last axis, which the forward substitution leaves as it is.
@@ -69,13 +134,11 @@ pub(super) struct Corrected<T> {
 /// goes through the same steps and finds that eigenvalue.
 ///
 /// `None` where it is so small that the digits of z may not suffice, or where the iteration does not end.
-pub(super) fn correct<T: Real>(
-    mut gram: Symmetric<T>,
-    start: &[T; N],
-    image: &[T; N],
-) -> Option<Corrected<T>> {
+pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Option<Corrected<T>> {
+    let mut gram = products.map(|[a, b, c, d, e, f, _]| [a, b, c, d, e, f]);
+    let image = products.map(|[.., image]| image);
     let trace = trace(&gram);
-    let value = dot(start, image);
+    let value = dot(start, &image);
     let fill = trace * T::lit(1.0 / 6.0);
     for i in 0..N {
         let filled = start[i] * fill;
