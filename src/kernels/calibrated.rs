@@ -140,6 +140,7 @@ impl<T: Real> CalibratedTensor<T> {
 
     /// The same by Gram matrices: at least one reweight, and well-conditioned rows. `None` where they
     /// are not.
+    #[inline(never)]
     fn quick(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
         let mut vector = gram::rough(&gram::products(triples, |two| products_in_step(two)))?;
         let mut singular_values = [T::zero(); 2];

@@ -148,26 +148,16 @@ pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Op
         }
     }
     let inverse = factor(&mut gram, trace, T::zero())?;
-    let slope: [T; N] = core::array::from_fn(|k| start[k] * value - image[k]);
     // The correction, and a vector that turns to the second singular one.
-    let mut both: [Pair<T>; N] = slope.map(|slope| Pair([slope, T::one()]));
+    let base = start.map(|start| Pair([start, T::zero()]));
+    let slope: [Pair<T>; N] =
+        core::array::from_fn(|k| Pair([start[k] * value - image[k], T::zero()]));
+    let mut both = slope.map(|Pair([slope, _])| Pair([slope, T::one()]));
     solve(&gram, &inverse, &mut both);
     let mut last = T::zero();
     for _ in 0..MAX_STEPS {
         let before = both;
-        let mut change = T::zero();
-        for (slope, pair) in slope.iter().zip(&both) {
-            change -= *slope * pair.0[0];
-        }
-        for k in 0..N {
-            both[k].0[0] = slope[k] + (start[k] + both[k].0[0]) * change;
-        }
-        solve(&gram, &inverse, &mut both);
-        let mut movement = T::zero();
-        for (before, after) in before.iter().zip(&both) {
-            let apart = after.0[0] - before.0[0];
-            movement += apart * apart;
-        }
+        let [change, movement] = step(&gram, &inverse, &base, &slope, &mut both);
         if stands(movement, last, rounding()) {
             let mut products = Pair([T::zero(); 2]);
             for (before, after) in before.iter().zip(&both) {
@@ -197,17 +187,46 @@ fn stands<T: Real>(movement: T, last: T, still: T) -> bool {
     movement <= still || movement * movement * T::lit(100.0) <= still * last
 }
 
-/// Squared movement that is rounding.
+/// Squared movement that is rounding, or far below any noise.
 #[inline(always)]
 fn rounding<T: Real>() -> T {
-    T::eps() * T::eps() * T::lit(64.0)
+    (T::eps() * T::eps() * T::lit(64.0)).max(T::lit(1e-24))
+}
+
+/// One step of [`correct`]; by how much the eigenvalue differs from that of the start, and the squared
+/// movement of the correction.
+///
+/// A function of its own, as [`add`].
+#[inline(never)]
+fn step<T: Real>(
+    factor: &Symmetric<T>,
+    inverse: &[T; N],
+    base: &[Pair<T>; N],
+    slope: &[Pair<T>; N],
+    both: &mut [Pair<T>; N],
+) -> [T; 2] {
+    let mut change = Pair([T::zero(); 2]);
+    for k in 0..N {
+        change = change - slope[k] * both[k];
+    }
+    let [change, _] = change.0;
+    let scale = Pair([change, T::one()]);
+    let mut next: [Pair<T>; N] = core::array::from_fn(|k| slope[k] + (base[k] + both[k]) * scale);
+    solve(factor, inverse, &mut next);
+    let mut movement = Pair([T::zero(); 2]);
+    for k in 0..N {
+        let apart = next[k] - both[k];
+        movement = movement + apart * apart;
+    }
+    *both = next;
+    [change, movement.0[0]]
 }
 
 /// Smallest eigenvalue over trace with which the digits suffice, about the third root of the
 /// rounding: the correction then is wrong by 4e-11 of itself in `f64` and by 2e-5 in `f32`.
 #[inline(always)]
 fn enough<T: Real>() -> T {
-    T::lit(if T::eps() > T::lit(1e-10) { 5e-3 } else { 6e-6 })
+    T::lit(if T::eps() > T::lit(1e-10) { 2e-3 } else { 6e-6 })
 }
 
 #[inline(always)]
