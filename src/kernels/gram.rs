@@ -37,7 +37,7 @@ pub(super) fn products<T: Real, const C: usize>(
         if block.len() < 2 * BLOCK {
             columns = [[zero; BLOCK]; C];
         }
-        for (place, two) in block.chunks(2).enumerate() {
+        for (place, two) in (0..BLOCK).zip(block.chunks(2)) {
             let nothing = [Complex::new(T::zero(), T::zero()); 3];
             let (first, second) = match two {
                 [first, second] => (complex(first), complex(second)),
@@ -47,11 +47,8 @@ pub(super) fn products<T: Real, const C: usize>(
             let pairs = row(core::array::from_fn(|k| {
                 ComplexPair::new([first[k], second[k]])
             }));
-            // Always so; the compiler sees no panic then.
-            if place < BLOCK {
-                for (column, pair) in columns.iter_mut().zip(pairs) {
-                    column[place] = pair;
-                }
+            for (column, pair) in columns.iter_mut().zip(pairs) {
+                column[place] = pair;
             }
         }
         add(&columns, &mut sums);
