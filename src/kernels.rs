@@ -3,6 +3,7 @@
 
 mod calibrated;
 mod complement;
+mod gram;
 mod motion;
 mod pair;
 mod projective;

@@ -84,9 +84,7 @@ pub(super) fn settle<T: Real>(
         let point = point.scaled(share).parts();
         let Pair([one, other]) = ratios[0] + ratios[1] + ratios[2];
         // Each weight is at most 3.
-        if one + other <= T::lit(SERIES_RANGE)
-            && weight.0[0] * weight.0[1] > T::lit(3.0) * parallel()
-        {
+        if one + other <= T::lit(SMALL) && weight.0[0] * weight.0[1] > T::lit(3.0) * parallel() {
             for ((tally, ratio), ahead) in tallies.iter_mut().zip(ratios).zip(ahead) {
                 tally.add(ratio.map(squared_arctangent), ahead);
             }
@@ -113,27 +111,31 @@ fn parallel<T: Real>() -> T {
     T::eps() * T::eps()
 }
 
-/// Largest squared tangent for which the series of [`squared_arctangent`] is summed.
-const SERIES_RANGE: f64 = 1.0 / 256.0;
+/// Largest squared tangent for which [`squared_arctangent`] holds.
+const SMALL: f64 = 1.0 / 324.0;
 
 /// The square of the arctangent of a small number, from the square of that number.
 ///
-/// Term n is `(-1)^n q^(n+1) (1 + 1/3 + ... + 1/(2n+1)) / (n + 1)`; the first left out is below
-/// 1e-17 of the whole, and below 1e-10 where fewer than ten digits are kept.
+/// The polynomial of degree 4 that meets `arctan(sqrt q)^2 / q` in the five Chebyshev points of
+/// 0 to [`SMALL`]: wrong by at most 2.3e-16 of the whole. Where fewer than ten digits are kept, degree 2 and
+/// 3.8e-10.
 #[inline(always)]
 fn squared_arctangent<T: Real>(q: T) -> T {
-    let mut sum = if T::eps() > T::lit(1e-10) {
-        T::lit(-44.0 / 105.0)
+    let sum = if T::eps() > T::lit(1e-10) {
+        let sum = T::lit(0.509_176_806_272_783_7) * q - T::lit(0.666_664_429_769_089_9);
+        sum * q + T::lit(0.999_999_999_616_500_2)
     } else {
-        let mut sum = T::lit(88_069.0 / 315_315.0);
-        for coefficient in [-3_254.0 / 10_395.0, 563.0 / 1_575.0, -44.0 / 105.0] {
+        let mut sum = T::lit(0.355_055_691_480_551_66);
+        for coefficient in [
+            -0.419_041_134_324_371_57,
+            0.511_111_103_967_614_6,
+            -0.666_666_666_663_911_5,
+            0.999_999_999_999_999_8,
+        ] {
             sum = sum * q + T::lit(coefficient);
         }
         sum
     };
-    for coefficient in [23.0 / 45.0, -2.0 / 3.0, 1.0] {
-        sum = sum * q + T::lit(coefficient);
-    }
     sum * q
 }
 
@@ -436,7 +438,7 @@ mod tests {
     #[test]
     fn squares_of_arctangents() {
         for k in 0..=1000 {
-            let q = f64::from(k) / 1000.0 * SERIES_RANGE;
+            let q = f64::from(k) / 1000.0 * SMALL;
             let expected = q.sqrt().atan().powi(2);
             assert!((squared_arctangent(q) - expected).abs() <= 4.0 * f64::EPSILON * expected);
         }

@@ -23,6 +23,14 @@ impl<T: Copy> Pair<T> {
     }
 }
 
+impl<T: Real> Pair<T> {
+    #[inline(always)]
+    pub fn sum(self) -> T {
+        let [a, b] = self.0;
+        a + b
+    }
+}
+
 impl<T: Real> Add for Pair<T> {
     type Output = Self;
 

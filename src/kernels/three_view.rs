@@ -124,14 +124,14 @@ pub fn three_view_with_landmarks<T: Real>(
         }
     })?;
     for both in landmarks {
-        let [first, second] = *both;
-        let first = first.map(|point| point * scales[0]);
-        let second = second.map(|point| point * scales[1]);
-        *both = if order {
-            [first, second]
-        } else {
-            [second, first]
-        };
+        for (point, scale) in both.iter_mut().zip(scales) {
+            if let Some(point) = point {
+                *point *= scale;
+            }
+        }
+        if !order {
+            both.reverse();
+        }
     }
     Ok(found)
 }

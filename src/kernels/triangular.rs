@@ -132,12 +132,8 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     /// the first vector stands still, or after 40 steps. The second value is then an upper
     /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
-        self.null_space_within(still())
-    }
-
-    /// As [`Self::null_space`]; ends when a step has moved the first vector by no more than this,
-    /// squared, or the next one would, if it shortens the movement as this one has.
-    pub(super) fn null_space_within(&mut self, still: T) -> NullSpace<T, N> {
+        // Squared movement of a vector that stands still: far below any noise that is there.
+        let still = T::eps() * T::lit(0.1);
         let factor = self.rows();
         let inverse = inverse_pivots(factor);
         let (zero, one) = (T::zero(), T::one());
@@ -197,11 +193,6 @@ fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> [T; N] {
         };
         T::one() / safe
     })
-}
-
-/// Squared movement of a vector that stands still: far below any noise that is there.
-pub(super) fn still<T: Real>() -> T {
-    T::eps() * T::lit(0.1)
 }
 
 /// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of

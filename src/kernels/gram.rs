@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The smallest singular vector of a tall matrix from its Gram matrix, without the loss of digits where
+//! a start is known.
+//!
+//! A Gram matrix squares the condition number. For a first, rough vector this is allowed. The final
+//! one is found as a correction of the start: the correction is small, as small as the noise, so
+//! what the squared condition number costs of its digits is small beside the noise. Where it would
+//! not be, there is no answer, and the triangular factor has to give one.
+
+use super::Triple;
+use super::pair::{ComplexPair, Pair};
+use crate::scalar::Real;
+use core::ops::{Mul, Sub};
+use nalgebra::Complex;
+
+/// Columns of the calibrated system.
+const N: usize = 6;
+
+/// The upper triangle of a symmetric matrix; the rest is never read.
+pub(super) type Symmetric<T> = [[T; N]; N];
+
+/// Pairs of rows that are multiplied together.
+const BLOCK: usize = 4;
+
+/// The sums over all rows of column i times column j, for j from i on; the rest is zero.
+///
+/// `row` makes two rows in step from two landmarks; from a landmark of zeros it has to make a row of zeros.
+#[inline(always)]
+pub(super) fn products<T: Real, const C: usize>(
+    triples: &[Triple<T>],
+    row: impl Fn([ComplexPair<T>; 3]) -> [Pair<T>; C],
+) -> [[T; C]; N] {
+    let zero = Pair([T::zero(); 2]);
+    let mut sums = [[zero; C]; N];
+    let mut columns = [[zero; BLOCK]; C];
+    for block in triples.chunks(2 * BLOCK) {
+        if block.len() < 2 * BLOCK {
+            columns = [[zero; BLOCK]; C];
+        }
+        for (place, two) in (0..BLOCK).zip(block.chunks(2)) {
+            let nothing = [Complex::new(T::zero(), T::zero()); 3];
+            let (first, second) = match two {
+                [first, second] => (complex(first), complex(second)),
+                [first] => (complex(first), nothing),
+                _ => break,
+            };
+            let pairs = row(core::array::from_fn(|k| {
+                ComplexPair::new([first[k], second[k]])
+            }));
+            for (column, pair) in columns.iter_mut().zip(pairs) {
+                column[place] = pair;
+            }
+        }
+        add(&columns, &mut sums);
+    }
+    sums.map(|row| row.map(Pair::sum))
+}
+
+/// Adds the products of all pairs of columns.
+///
+/// A function of its own: within another the compiler would not find that the numbers of a pair belong into one
+/// register.
+#[inline(never)]
+fn add<T: Real, const C: usize>(columns: &[[Pair<T>; BLOCK]; C], sums: &mut [[Pair<T>; C]; N]) {
+    for i in 0..N {
+        for j in i..C {
+            let mut sum = sums[i][j];
+            for k in 0..BLOCK {
+                sum = sum + columns[i][k] * columns[j][k];
+            }
+            sums[i][j] = sum;
+        }
+    }
+}
+
+#[inline]
+fn complex<T: Real>(triple: &Triple<T>) -> [Complex<T>; 3] {
+    triple.map(|bearing| bearing.into_inner())
+}
+
+/// Most steps of either iteration. What needs more is nearly degenerate.
+const MAX_STEPS: usize = 16;
+
+/// The vector of unit length that the matrix shortens most.
+///
+/// Inverse iteration on `gram = A^T A`. `None` where a pivot says that the digits may not suffice, or
+/// where the iteration does not end.
+pub(super) fn rough<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
+    let mut gram = *gram;
+    let trace = trace(&gram);
+    let inverse = factor(&mut gram, trace, T::eps() * trace)?;
+    // The first step, from the last axis, which the forward substitution leaves as it is.
+    let mut vector = [T::zero(); N];
+    vector[N - 1] = T::one();
+    back_substitute(&gram, &mut vector);
+    let mut last = T::zero();
+    vector = unit(vector);
+    for _ in 0..MAX_STEPS {
+        let before = vector;
+        solve(&gram, &inverse, &mut vector);
+        vector = unit(vector);
+        let movement = moved(&before, &vector);
+
+        if stands(movement, last, T::lit(ROUGHLY_STILL).max(rounding())) {
+            return Some(vector);
+        }
+        last = movement;
+    }
+    None
+}
+
+/// Squared error of a vector that weights are taken from. The next vector is wrong by the product of
+/// this error and of its own.
+const ROUGHLY_STILL: f64 = 1e-20;
+
+/// A singular vector, and the two smallest singular values, the smallest first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corrected<T> {
+    pub vector: [T; N],
+    pub singular_values: [T; 2],
+}
+
+/// The smallest singular vector of A near `start`, a unit vector, from `gram = A^T A` and
+/// `image = A^T (A start)`.
+///
+/// With `A start` formed row by row, `image` has its rounding from the condition number, not from its
+/// square. The correction z at right angles to the start obeys
+/// `(gram - value - change) z = -(image - value start)`, `value = start . image`, `change = image . z`.
+/// The matrix is the same in all steps, with its direction of the start filled up, so
+/// that its smallest eigenvalue is about the square of the second singular value. A second vector
+/// goes through the same steps and finds that eigenvalue.
+///
+/// `None` where it is so small that the digits of z may not suffice, or where the iteration does not end.
+pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Option<Corrected<T>> {
+    let mut gram = products.map(|[a, b, c, d, e, f, _]| [a, b, c, d, e, f]);
+    let image = products.map(|[.., image]| image);
+    let trace = trace(&gram);
+    let value = dot(start, &image);
+    let fill = trace * T::lit(1.0 / 6.0);
+    for i in 0..N {
+        let filled = start[i] * fill;
+        gram[i][i] -= value;
+        for j in i..N {
+            gram[i][j] += filled * start[j];
+        }
+    }
+    let inverse = factor(&mut gram, trace, T::zero())?;
+    // The correction, and a vector that turns to the second singular one.
+    let base = start.map(|start| Pair([start, T::zero()]));
+    let slope: [Pair<T>; N] =
+        core::array::from_fn(|k| Pair([start[k] * value - image[k], T::zero()]));
+    let mut both = slope.map(|Pair([slope, _])| Pair([slope, T::one()]));
+    solve(&gram, &inverse, &mut both);
+    let mut last = T::zero();
+    for _ in 0..MAX_STEPS {
+        let before = both;
+        let [change, movement] = step(&gram, &inverse, &base, &slope, &mut both);
+        if stands(movement, last, rounding()) {
+            let mut products = Pair([T::zero(); 2]);
+            for (before, after) in before.iter().zip(&both) {
+                let after = after.0[1];
+                products = products + Pair([after * before.0[1], after * after]);
+            }
+            let Pair([product, square]) = products;
+            let second = product / square;
+            let vector = unit(core::array::from_fn(|k| start[k] + both[k].0[0]));
+            return (second > enough::<T>() * trace).then(|| Corrected {
+                vector,
+                singular_values: [
+                    (value + change).max(T::zero()).sqrt(),
+                    (second + value).sqrt(),
+                ],
+            });
+        }
+        last = movement;
+    }
+    None
+}
+
+/// Whether a vector stands still: this squared movement is no more than that, or the next one will
+/// be, with some room, if it is shorter than this one by as much as this one than the last.
+#[inline(always)]
+fn stands<T: Real>(movement: T, last: T, still: T) -> bool {
+    movement <= still || movement * movement * T::lit(100.0) <= still * last
+}
+
+/// Squared movement that is rounding, or far below any noise.
+#[inline(always)]
+fn rounding<T: Real>() -> T {
+    (T::eps() * T::eps() * T::lit(64.0)).max(T::lit(1e-24))
+}
+
+/// One step of [`correct`]; by how much the eigenvalue differs from that of the start, and the squared
+/// movement of the correction.
+///
+/// A function of its own, as [`add`].
+#[inline(never)]
+fn step<T: Real>(
+    factor: &Symmetric<T>,
+    inverse: &[T; N],
+    base: &[Pair<T>; N],
+    slope: &[Pair<T>; N],
+    both: &mut [Pair<T>; N],
+) -> [T; 2] {
+    let mut change = Pair([T::zero(); 2]);
+    for k in 0..N {
+        change = change - slope[k] * both[k];
+    }
+    let [change, _] = change.0;
+    let scale = Pair([change, T::one()]);
+    let mut next: [Pair<T>; N] = core::array::from_fn(|k| slope[k] + (base[k] + both[k]) * scale);
+    solve(factor, inverse, &mut next);
+    let mut movement = Pair([T::zero(); 2]);
+    for k in 0..N {
+        let apart = next[k] - both[k];
+        movement = movement + apart * apart;
+    }
+    *both = next;
+    [change, movement.0[0]]
+}
+
+/// Smallest eigenvalue over trace with which the digits suffice, about the third root of the
+/// rounding: the correction then is wrong by 4e-11 of itself in `f64` and by 2e-5 in `f32`.
+#[inline(always)]
+fn enough<T: Real>() -> T {
+    T::lit(if T::eps() > T::lit(1e-10) { 2e-3 } else { 6e-6 })
+}
+
+#[inline(always)]
+fn trace<T: Real>(matrix: &Symmetric<T>) -> T {
+    let [even, odd] = [0, 1].map(|k| matrix[k][k] + matrix[k + 2][k + 2] + matrix[k + 4][k + 4]);
+    even + odd
+}
+
+/// Turns the upper triangle of G into that of the U in `G = U^T D U`, with ones on its diagonal; one over
+/// the numbers of D. The last of these is no less than `least`.
+///
+/// `None` for one that is too small.
+#[inline(always)]
+fn factor<T: Real>(matrix: &mut Symmetric<T>, trace: T, least: T) -> Option<[T; N]> {
+    let bound = enough::<T>() * trace;
+    let mut inverse = [T::zero(); N];
+    for k in 0..N {
+        let pivot = matrix[k][k];
+        if k + 1 == N && least > T::zero() {
+            inverse[k] = T::one() / pivot.max(least);
+            break;
+        }
+        if !(pivot > bound) {
+            return None;
+        }
+        inverse[k] = T::one() / pivot;
+        let above = matrix[k];
+        for i in k + 1..N {
+            let share = above[i] * inverse[k];
+            for j in i..N {
+                matrix[i][j] -= share * above[j];
+            }
+            matrix[k][i] = share;
+        }
+    }
+    Some(inverse)
+}
+
+/// Solves `U^T D U x = b` in place.
+#[inline(always)]
+fn solve<T: Real, V: Copy + Sub<Output = V> + Mul<T, Output = V>>(
+    factor: &Symmetric<T>,
+    inverse: &[T; N],
+    x: &mut [V; N],
+) {
+    for i in 0..N {
+        let value = x[i];
+        for j in i + 1..N {
+            x[j] = x[j] - value * factor[i][j];
+        }
+        x[i] = value * inverse[i];
+    }
+    back_substitute(factor, x);
+}
+
+/// Solves `U x = b` in place.
+#[inline(always)]
+fn back_substitute<T: Real, V: Copy + Sub<Output = V> + Mul<T, Output = V>>(
+    factor: &Symmetric<T>,
+    x: &mut [V; N],
+) {
+    for j in (1..N).rev() {
+        let value = x[j];
+        for i in 0..j {
+            x[i] = x[i] - value * factor[i][j];
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: &[T; N], b: &[T; N]) -> T {
+    let [x, y, z] = [0, 2, 4].map(|k| Pair([a[k] * b[k], a[k + 1] * b[k + 1]]));
+    let Pair([even, odd]) = x + y + z;
+    even + odd
+}
+
+#[inline(always)]
+fn unit<T: Real>(vector: [T; N]) -> [T; N] {
+    let scale = T::one() / dot(&vector, &vector).sqrt();
+    vector.map(|value| value * scale)
+}
+
+/// The square of the distance between two unit vectors.
+#[inline(always)]
+fn moved<T: Real>(before: &[T; N], after: &[T; N]) -> T {
+    let apart = core::array::from_fn(|k| after[k] - before[k]);
+    dot(&apart, &apart)
+}
