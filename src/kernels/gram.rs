@@ -48,7 +48,10 @@ pub(super) fn products<T: Real, const C: usize>(
                 ComplexPair::new([first[k], second[k]])
             }));
             for (column, pair) in columns.iter_mut().zip(pairs) {
-                column[place] = pair;
+                // Always there; the compiler sees no panic then.
+                if let Some(there) = column.get_mut(place) {
+                    *there = pair;
+                }
             }
         }
         add(&columns, &mut sums);
@@ -228,8 +231,11 @@ fn enough<T: Real>() -> T {
 
 #[inline(always)]
 fn trace<T: Real>(matrix: &Symmetric<T>) -> T {
-    let [even, odd] = [0, 1].map(|k| matrix[k][k] + matrix[k + 2][k + 2] + matrix[k + 4][k + 4]);
-    even + odd
+    let mut sum = T::zero();
+    for (k, row) in matrix.iter().enumerate() {
+        sum += row[k];
+    }
+    sum
 }
 
 /// Turns the upper triangle of G into that of the U in `G = U^T D U`, with ones on its diagonal; one over
@@ -285,19 +291,18 @@ fn back_substitute<T: Real, V: Copy + Sub<Output = V> + Mul<T, Output = V>>(
     factor: &Symmetric<T>,
     x: &mut [V; N],
 ) {
-    for j in (1..N).rev() {
-        let value = x[j];
-        for i in 0..j {
-            x[i] = x[i] - value * factor[i][j];
+    for i in (0..N).rev() {
+        let mut value = x[i];
+        for j in i + 1..N {
+            value = value - x[j] * factor[i][j];
         }
+        x[i] = value;
     }
 }
 
 #[inline(always)]
 fn dot<T: Real>(a: &[T; N], b: &[T; N]) -> T {
-    let [x, y, z] = [0, 2, 4].map(|k| Pair([a[k] * b[k], a[k + 1] * b[k + 1]]));
-    let Pair([even, odd]) = x + y + z;
-    even + odd
+    a.iter().zip(b).fold(T::zero(), |sum, (a, b)| sum + *a * *b)
 }
 
 #[inline(always)]
