@@ -30,7 +30,7 @@ pub struct CalibratedTensor<T: Real> {
     pub coefficients: [Complex<T>; 3],
     /// The two smallest singular values of the (weighted) linear system, the smallest first. A
     /// second one that is no larger than noise makes it says that the landmarks do not determine the
-    /// motion. After a reweight the second is an estimate: up to twice as large, and too small by
+    /// motion. After a reweight the second is an estimate: up to three times as large, and too small by
     /// a hundredth at most where the noise moves the tensor by a tenth.
     pub singular_values: [T; 2],
 }
