@@ -184,9 +184,9 @@ def test_the_command_line_opens_the_viewer(tmp_path, monkeypatch):
     pytest.importorskip("rerun", minversion="0.24")
     bearslam.save(SCENE.bearings, tmp_path / "scene.csv")
     opened = []
-    monkeypatch.setattr(bearslam.Reconstruction, "view", lambda _, path: opened.append(path))
+    monkeypatch.setattr(bearslam.Reconstruction, "view", lambda _, path, truth: opened.append((path, truth)))
     assert main(["solve", str(tmp_path / "scene.csv"), "--view"]) == 0
-    assert opened == [None]
+    assert opened == [(None, None)]
 
 
 def test_without_rerun_the_viewer_is_refused_before_the_work(result, tmp_path, monkeypatch, capsys):
