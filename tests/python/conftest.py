@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """What all tests share: reference values, pictures without a screen, fast and slow Hypothesis."""
 
+import importlib.util
 import json
 import os
 from pathlib import Path
@@ -70,20 +71,9 @@ def own():
 @pytest.fixture(scope="session")
 def chart():
     """The error of a motion for GTSAM as bearslam has it; see test_gtsam.py."""
-    gtsam = pytest.importorskip("gtsam", reason="GTSAM is not installed: pip install gtsam")
-
-    def chart(delta, keys, values, jacobians):
-        """The error of a motion as x, y and theta, with derivatives along steps in the frames of the poses."""
-        measured, (start, end) = gtsam.Pose2(*delta), map(values.atPose2, keys)
-        moved = start.inverse() * end
-        error = measured.inverse() * moved
-        if jacobians is not None:
-            before, after = -np.eye(3), np.eye(3)
-            back = measured.rotation().matrix().T
-            before[:2, :2] = -back
-            before[:2, 2] = back @ [moved.y(), -moved.x()]
-            after[:2, :2] = error.rotation().matrix()
-            jacobians[0], jacobians[1] = before, after
-        return np.array([error.x(), error.y(), error.theta()])
-
-    return chart
+    pytest.importorskip("gtsam", reason="GTSAM is not installed: pip install gtsam")
+    path = REPOSITORY / "benches" / "real" / "beside_gtsam.py"
+    spec = importlib.util.spec_from_file_location("beside_gtsam", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.chart
