@@ -3,6 +3,8 @@
 
 mod align;
 mod bearing;
+#[cfg(feature = "alloc")]
+pub(crate) mod points;
 
 pub use align::{align, transform_pose};
 pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle};

@@ -5,8 +5,8 @@ use super::row::{Around, Row, horizon, settle};
 use super::{FixedMap, MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Workspace};
 use crate::error::Error;
 use crate::geometry::Pose;
+use crate::lm::Termination;
 use crate::scalar::Real;
-use crate::termination::Termination;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 
 /// Options of [`FixedMap::refine`].

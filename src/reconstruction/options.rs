@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a caller may choose, and how it is told of progress.
 
-use crate::estimation::RefineOptions;
+use crate::adjustment::RefineOptions;
 use crate::kernels::Method;
 
 /// How a first map is found.

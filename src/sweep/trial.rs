@@ -2,9 +2,10 @@
 //! One random scene, solved from several starts and judged.
 
 use super::Cell;
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
-use crate::estimation::{Problem, RefineOptions, Why};
 use crate::kernels::Method;
+use crate::problem::{Problem, Why};
 use crate::reconstruction::{
     Progress, Reconstruction, SolveOptions, Strategy, initialize, refine, solve,
 };
