@@ -5,7 +5,8 @@ use super::super::infinity::take_out_unbounded;
 use super::super::judge::{assess, refuse_free};
 use super::super::options::{Progress, Search, SolveOptions, tell};
 use super::super::result::Reconstruction;
-use super::super::search::{hypotheses, plain, triples};
+use super::super::search::{hypotheses, triples};
+use super::super::strategy;
 use super::consensus::{Settled, fixed_point, settle};
 use super::exchange::exchange;
 use super::expand::expand;
@@ -303,7 +304,7 @@ fn last_word(
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
-    match plain::solve(&kept, &options, progress) {
+    match strategy::solve(&kept, &options, progress) {
         Ok(mut found) => {
             let rivals = core::mem::take(&mut found.alternatives);
             for found in core::iter::once(found).chain(rivals) {
