@@ -86,7 +86,11 @@ pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
 };
-pub use kernels::*;
+pub use kernels::{
+    CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,
+    TrifocalTensor, Triple, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
+    resect, three_view, three_view_with_landmarks, triangulate, trifocal_tensor,
+};
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
     Progress, Reconstruction, Search, SolveOptions, Strategy, initialize, refine, solve,

@@ -4,7 +4,7 @@
 //! Symbols as in Dellaert and Stroupe, ICRA 2002, section 3: T, K, L, M, e_ij (the bearing at which
 //! view i sees view j). The scanned paper has lost minus signs in K and L; they are restored here.
 
-use super::motion::LineMotion;
+use super::signs::LineMotion;
 use super::triangular::TriangularFactor;
 use super::{TrifocalTensor, Triple};
 use crate::error::Error;
