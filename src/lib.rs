@@ -75,7 +75,7 @@ mod termination;
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
 pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
-pub use error::Error;
+pub use error::{Degeneracy, Error};
 #[cfg(feature = "alloc")]
 pub use estimation::{
     Covariance, Frame, LandmarkPrior, Loss, Map, Noise, Odometry, PosePrior, Problem,

@@ -54,17 +54,16 @@ impl BearslamStatus {
             Self::NotFinite,
             c"a number is infinite, or NaN where that means nothing",
         ),
-        (Self::NotPositive, c"the standard deviation is not positive, or the tolerance is negative"),
+        (
+            Self::NotPositive,
+            c"the standard deviation is not positive, or the tolerance is negative",
+        ),
         (Self::UnknownMethod, c"no such method"),
         (
             Self::MemoryTooSmall,
             c"the memory is smaller than bearslam_refine_size says",
         ),
-        (
-            Self::Degenerate,
-            c"the data do not determine the answer; add landmarks off their common line or circle, or views \
-              from other places",
-        ),
+        (Self::Degenerate, c"the data do not determine the answer"),
         (
             Self::NotConverged,
             c"the iterations ran out before the minimum; all is written",

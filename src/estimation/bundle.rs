@@ -9,7 +9,7 @@ use super::loss::Loss;
 use super::map::Map;
 use super::priors::TieRow;
 use super::problem::{Problem, Seen};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::{Pose, signed_angle, transform_pose};
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -203,7 +203,7 @@ impl<T: Real> Bundle<T> {
         match sizes.into_iter().find(|size| usable(*size)) {
             Some(size) => Ok(power(size)),
             None => Err(Error::Degenerate {
-                quantity: "extent of the start",
+                kind: Degeneracy::CoincidentStart,
                 value: sizes[1].as_f64(),
                 bound: 0.0,
             }),

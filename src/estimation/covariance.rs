@@ -9,7 +9,7 @@ use super::normal::Normal;
 use super::problem::Problem;
 use super::refine::Watch;
 use super::weakest::free_of;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};
@@ -123,13 +123,13 @@ pub fn covariance<T: Real>(
     let gauge = free_directions(&active, &bundle);
     if frame == Frame::Priors && !gauge.is_empty() {
         return Err(Error::Degenerate {
-            quantity: "number of directions of the whole that odometry and priors leave free",
+            kind: Degeneracy::FreeFrame,
             value: gauge.len() as f64,
             bound: 0.0,
         });
     }
     let singular = Error::Degenerate {
-        quantity: "pivot of the normal equations",
+        kind: Degeneracy::SingularNormalEquations,
         value: 0.0,
         bound: f64::EPSILON,
     };

@@ -9,7 +9,7 @@ use super::lanes::{ComplexLanes, Lanes};
 use super::null_vector_5x6::null_vector_5x6;
 use super::triangular::TriangularFactor;
 use super::{TrifocalTensor, Triple};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::{Complex, Vector6};
 
@@ -84,7 +84,7 @@ impl<T: Real> CalibratedTensor<T> {
         } else {
             super::check_finite(triples)?;
             Err(Error::Degenerate {
-                quantity: "second smallest singular value of the three-view system",
+                kind: Degeneracy::ThreeViewSystem,
                 value: tensor.singular_values[1].as_f64(),
                 bound: bound.as_f64(),
             })

@@ -7,7 +7,7 @@
 use super::motion::Motion;
 use super::signs::{LineMotion, resolve_signs};
 use super::{CalibratedTensor, Triple};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::Complex;
 
@@ -58,7 +58,7 @@ impl<T: Real> CalibratedTensor<T> {
         let bound = T::eps() * T::lit(64.0);
         if !(shortest > bound) {
             return Err(Error::Degenerate {
-                quantity: "shortest over longest distance between three views",
+                kind: Degeneracy::CoincidentViews,
                 value: (shortest / la.max(lb).max(lc)).as_f64(),
                 bound: bound.as_f64(),
             });

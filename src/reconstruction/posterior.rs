@@ -13,7 +13,7 @@ use super::result::Reconstruction;
 use super::robust;
 use super::sight;
 use super::solve::solve;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, fitted, refine_map};
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -107,7 +107,7 @@ const MANY_SIGHTINGS: usize = 3;
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of starts that could be refined",
+    kind: Degeneracy::NoStart,
     value: 0.0,
     bound: 1.0,
 };
@@ -175,7 +175,7 @@ impl<T: Real> Attempts<'_, '_, T> {
 
     /// Goes on after an error, unless it is none of the start's.
     fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if matches!(error, Error::Interrupted | Error::OutOfMemory) {
+        if error.stops_all() {
             return Err(error);
         }
         self.failure = error;

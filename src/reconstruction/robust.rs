@@ -26,7 +26,7 @@ use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
 use super::solve::{assess, refuse_free, solve};
 use super::{bounded, search, triples};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why};
 use crate::kernels::Motion;
 use crate::scalar::Real;
@@ -78,7 +78,7 @@ const PLAIN: usize = 6;
 /// The map that explains most of the bearings, and which these are.
 ///
 /// # Errors
-/// As [`solve`], and [`Error::TooCoarse`] for a standard deviation above [`COARSEST`].
+/// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
 pub(super) fn solve_robust<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
@@ -113,7 +113,7 @@ pub(super) fn solve_robust<T: Real>(
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub(super) fn along_odometry<T: Real>(
     problem: &Problem<T>,
     options: &SolveOptions<T>,
@@ -135,7 +135,7 @@ pub(super) fn is_searchable<T: Real>(problem: &Problem<T>) -> bool {
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub(super) fn from_start<T: Real>(
     problem: &Problem<T>,
     start: &Map<T>,
@@ -198,7 +198,7 @@ const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of maps that more than a sample agrees with",
+    kind: Degeneracy::NoSupport,
     value: 0.0,
     bound: 1.0,
 };
@@ -213,7 +213,7 @@ fn check_sigmas<T: Real>(problem: &Problem<T>) -> Result<(), Error> {
         .min_by_key(|(_, index)| **index);
     match coarse {
         None => Ok(()),
-        Some((s, &index)) => Err(Error::TooCoarse {
+        Some((s, &index)) => Err(Error::SigmaTooLarge {
             what: "sigma",
             index,
             value: s.weight.recip().as_f64(),
@@ -407,7 +407,7 @@ fn last_word<T: Real>(
                 }
             }
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
+        Err(error) if error.stops_all() => return Err(error),
         // What the plain search cannot solve may still have been found.
         Err(_) => {}
     }

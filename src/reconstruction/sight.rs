@@ -7,7 +7,7 @@ use super::incremental;
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::search::{self, MIN_SHARED};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::estimation::{Map, Problem, Subject, Why};
 use crate::scalar::Real;
 use alloc::vec::Vec;
@@ -83,7 +83,7 @@ pub fn first_map<T: Real>(
 pub fn no_map<T: Real>(problem: &Problem<T>) -> Error {
     match search::too_few(problem, MIN_SHARED) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
-            quantity: "number of maps with a sighting to spare",
+            kind: Degeneracy::NoSpareSighting,
             value: 0.0,
             bound: 1.0,
         },

@@ -10,7 +10,7 @@ use super::result::Reconstruction;
 use super::robust::solve_robust;
 use super::search::{self, Hypotheses, Hypothesis};
 use super::sight;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::estimation::{
     Map, Problem, RefineOptions, Report, Subject, Termination, Why, cost, refine_map, sensitivity,
 };
@@ -132,7 +132,7 @@ pub fn refine<T: Real>(
 /// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
 /// wall, views in one place) or exact bearings leave a direction of the map free;
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
-/// says so; with [`SolveOptions::robust`] [`Error::TooCoarse`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
+/// says so; with [`SolveOptions::robust`] [`Error::SigmaTooLarge`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
 /// [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
 /// # Example
@@ -261,7 +261,7 @@ pub(super) fn refuse_free<T: Real>(
     // the uncertainty says so.
     if !(per_radian < bound) && best.rms < T::eps().sqrt() {
         return Err(Error::Degenerate {
-            quantity: "sensitivity of the map to bearing noise, in map sizes per radian,",
+            kind: Degeneracy::FreeMap,
             value: per_radian,
             bound,
         });
@@ -313,7 +313,7 @@ fn choose<T: Real>(
     });
     let mut found = found.into_iter();
     let mut best = found.next().ok_or(Error::Degenerate {
-        quantity: "number of hypotheses that could be refined",
+        kind: Degeneracy::NoHypothesis,
         value: 0.0,
         bound: 1.0,
     })?;

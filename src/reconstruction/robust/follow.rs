@@ -172,7 +172,7 @@ fn settle<T: Real>(
             }
             Ok(())
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(()),
     }
 }

@@ -66,7 +66,7 @@ fn refined<T: Real>(
     };
     match refine_map(problem, map, &options, None) {
         Ok(report) => Ok(Some(report)),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(None),
     }
 }
