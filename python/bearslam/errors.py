@@ -31,31 +31,33 @@ class DegenerateError(BearslamError, ArithmeticError):
     ----------
     message : str
         What could not be determined, and why.
-    quantity : str
-        Name of the number that failed, for example ``"singular value gap"``.
+    kind : str
+        Name of the degeneracy, for programs: ``"parallel_rays"``, for example, or ``"coincident_views"``.
     value : float
-        What it came to.
+        What the number came to that was tested; the message says which.
     bound : float
         What it would have had to reach.
 
     Attributes
     ----------
+    kind, value, bound
+        As above.
     diagnosis : Diagnosis or None
         What the bearings leave undetermined, and why, by name; None where nothing was diagnosed.
     """
 
     diagnosis: Diagnosis | None
 
-    def __init__(self, message: str, *, quantity: str, value: float, bound: float) -> None:
+    def __init__(self, message: str, *, kind: str, value: float, bound: float) -> None:
         super().__init__(message)
-        self.quantity = quantity
+        self.kind = kind
         self.value = value
         self.bound = bound
         self.diagnosis = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The keyword-only arguments would be lost in the way exceptions are pickled by default.
-        make = partial(type(self), quantity=self.quantity, value=self.value, bound=self.bound)
+        make = partial(type(self), kind=self.kind, value=self.value, bound=self.bound)
         return make, self.args, self.__dict__
 
 

@@ -19,8 +19,8 @@ from bearslam.reconstruction import CovarianceFrame, Reconstruction
 
 __all__ = ["LOSSES", "METHODS", "Loss", "Method", "initialize", "refine", "solve"]
 
-NO_FRAME = "odometry and priors leave free"
-"""What a `DegenerateError` says of covariances in the frame "priors" when there is no such frame."""
+FREE_FRAME = "free_frame"
+"""The kind of a `DegenerateError` of covariances in the frame "priors" when there is no such frame."""
 
 Method: TypeAlias = Literal["search", "calibrated", "projective", "incremental", "global"]
 Loss: TypeAlias = Literal["squared", "huber", "cauchy", "truncated"]
@@ -193,7 +193,7 @@ def solve(
         raws = _core.solve(known.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
         # With outliers no map tells about the geometry; where only the frame is none, the map is as good as it was.
-        if not robust and NO_FRAME not in error.quantity:
+        if not robust and error.kind != FREE_FRAME:
             error.diagnosis = diagnosed(known, None, None, progress)
         raise
     return ranked(known, raws)

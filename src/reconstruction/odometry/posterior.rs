@@ -14,7 +14,7 @@ use super::super::strategy;
 use super::growth::anchored;
 use super::robust_start;
 use crate::adjustment::{RefineOptions, fitted, refine_map};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::Loss;
@@ -110,7 +110,7 @@ const MANY_SIGHTINGS: usize = 3;
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of starts that could be refined",
+    kind: Degeneracy::NoStart,
     value: 0.0,
     bound: 1.0,
 };
@@ -181,7 +181,7 @@ impl Attempts<'_, '_> {
 
     /// Goes on after an error, unless it is none of the start's.
     fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if matches!(error, Error::Interrupted | Error::OutOfMemory) {
+        if error.stops_all() {
             return Err(error);
         }
         self.failure = error;

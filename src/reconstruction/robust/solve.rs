@@ -14,7 +14,7 @@ use super::objective::{OUTLIER, inliers};
 use super::reassign::{relocate, replace};
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::adjustment::RefineOptions;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::kernels::Motion;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
@@ -59,7 +59,7 @@ const PLAIN: usize = 6;
 /// The map that explains most of the bearings, and which these are.
 ///
 /// # Errors
-/// As [`solve`], and [`Error::TooCoarse`] for a standard deviation above [`COARSEST`].
+/// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
 pub fn solve_robust(
     problem: &Problem,
     options: &SolveOptions,
@@ -114,7 +114,7 @@ pub const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of maps that more than a sample agrees with",
+    kind: Degeneracy::NoSupport,
     value: 0.0,
     bound: 1.0,
 };
@@ -129,7 +129,7 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
         .min_by_key(|(_, index)| **index);
     match coarse {
         None => Ok(()),
-        Some((s, &index)) => Err(Error::TooCoarse {
+        Some((s, &index)) => Err(Error::SigmaTooLarge {
             what: "sigma",
             index,
             value: s.weight.recip(),
@@ -316,7 +316,7 @@ fn last_word(
                 }
             }
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
+        Err(error) if error.stops_all() => return Err(error),
         // What the plain search cannot solve may still have been found.
         Err(_) => {}
     }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The vector at right angles to one row less than there are columns.
+//! The null vector of five rows of six numbers.
 
-use super::pair::Pair;
+use super::lanes::Lanes;
 use crate::scalar::Real;
 use nalgebra::Vector6;
 
 /// Six numbers, two by two.
-type Row<T> = [Pair<T>; 3];
+type Row<T> = [Lanes<T>; 3];
 
 /// The unit vector at right angles to five rows of length about 1, and an upper bound of the smallest
 /// singular value of the rows.
@@ -18,9 +18,9 @@ type Row<T> = [Pair<T>; 3];
 ///
 /// The bound is `1 / |y|` for the y that takes L to the fifth axis, or the smallest pivot: tight where
 /// it is small, because y then is nearly the left singular vector.
-pub(super) fn complement<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
+pub(super) fn null_vector_5x6<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
     let [r0, r1, r2, r3, r4] =
-        rows.map(|[a, b, c, d, e, f]| [Pair([a, b]), Pair([c, d]), Pair([e, f])]);
+        rows.map(|[a, b, c, d, e, f]| [Lanes([a, b]), Lanes([c, d]), Lanes([e, f])]);
     let (v0, l00) = reflection::<T, 0>(&r0);
     let r1 = reflected(r1, &v0);
     let (v1, l11) = reflection::<T, 1>(&r1);
@@ -32,7 +32,7 @@ pub(super) fn complement<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
     let (v4, l44) = reflection::<T, 4>(&r4);
 
     let (zero, one) = (T::zero(), T::one());
-    let last = [Pair([zero; 2]), Pair([zero; 2]), Pair([zero, one])];
+    let last = [Lanes([zero; 2]), Lanes([zero; 2]), Lanes([zero, one])];
     let last = reflected(reflected(last, &v4), &v3);
     let last = reflected(reflected(reflected(last, &v2), &v1), &v0);
 
@@ -57,7 +57,7 @@ pub(super) fn complement<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
             bound = pivot.abs();
         }
     }
-    let [Pair([a, b]), Pair([c, d]), Pair([e, f])] = last;
+    let [Lanes([a, b]), Lanes([c, d]), Lanes([e, f])] = last;
     (Vector6::new(a, b, c, d, e, f), bound)
 }
 
@@ -67,8 +67,8 @@ pub(super) fn complement<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
 fn reflection<T: Real, const K: usize>(row: &Row<T>) -> (Row<T>, T) {
     let mut vector = *row;
     let mut head = T::zero();
-    for (k, pair) in vector.iter_mut().enumerate() {
-        for (side, value) in pair.0.iter_mut().enumerate() {
+    for (k, lanes) in vector.iter_mut().enumerate() {
+        for (side, value) in lanes.0.iter_mut().enumerate() {
             if 2 * k + side < K {
                 *value = T::zero();
             }
@@ -86,13 +86,13 @@ fn reflection<T: Real, const K: usize>(row: &Row<T>) -> (Row<T>, T) {
         T::one() / (square + norm * head.abs()).sqrt()
     };
     let signed = if head > T::zero() { norm } else { -norm };
-    for (k, pair) in vector.iter_mut().enumerate() {
-        for (side, value) in pair.0.iter_mut().enumerate() {
+    for (k, lanes) in vector.iter_mut().enumerate() {
+        for (side, value) in lanes.0.iter_mut().enumerate() {
             if 2 * k + side == K {
                 *value += signed;
             }
         }
-        *pair = *pair * scale;
+        *lanes = *lanes * scale;
     }
     (vector, -signed)
 }
@@ -108,14 +108,14 @@ fn reflected<T: Real>(row: Row<T>, vector: &Row<T>) -> Row<T> {
 #[inline(always)]
 fn dot<T: Real>(a: &Row<T>, b: &Row<T>) -> T {
     let [x, y, z] = [a[0] * b[0], a[1] * b[1], a[2] * b[2]];
-    let Pair([even, odd]) = x + y + z;
+    let Lanes([even, odd]) = x + y + z;
     even + odd
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernels::TriangularFactor;
+    use crate::kernels::triangular::TriangularFactor;
     use nalgebra::SMatrix;
 
     fn rows(seed: f64) -> [[f64; 6]; 5] {
@@ -134,13 +134,13 @@ mod tests {
     }
 
     #[test]
-    fn is_the_null_vector_of_the_factor() {
+    fn is_the_null_vector_of_the_triangular_factor() {
         for seed in 0..200 {
             let mut rows = rows(f64::from(seed));
             // Nearly dependent rows: the bound must follow.
             let share = [0.0, 0.9, 0.999, 1.0 - 1e-7][seed as usize % 4];
             rows[1] = core::array::from_fn(|j| share * rows[0][j] + (1.0 - share) * rows[1][j]);
-            let (vector, bound) = complement(&rows);
+            let (vector, bound) = null_vector_5x6(&rows);
             let null = factor(&rows).null_space();
             assert!((vector.norm() - 1.0).abs() < 1e-15);
             assert!((vector.dot(&null.vectors[0]).abs() - 1.0).abs() < 1e-15);
@@ -159,12 +159,12 @@ mod tests {
         for (from, to) in [(0, 1), (0, 4), (3, 4), (1, 2)] {
             let mut rows = rows(0.3);
             rows[to] = rows[from];
-            assert!(complement(&rows).1 < 1e-14);
+            assert!(null_vector_5x6(&rows).1 < 1e-14);
             rows[to] = [0.0; 6];
-            assert!(complement(&rows).1 < 1e-14);
+            assert!(null_vector_5x6(&rows).1 < 1e-14);
         }
         let mut rows = rows(0.3);
         rows[2][3] = f64::NAN;
-        assert!(complement(&rows).0.iter().all(|value| value.is_nan()));
+        assert!(null_vector_5x6(&rows).0.iter().all(|value| value.is_nan()));
     }
 }

@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Two numbers that go through the same operations: what fits a vector register.
+//! Two numbers that go through the same operations, as the lanes of a vector register do.
 
 use crate::scalar::Real;
 use core::ops::{Add, Mul, Neg, Sub};
 use nalgebra::Complex;
 
-/// Two numbers in step.
+/// Two numbers, each in its lane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pair<T>(pub [T; 2]);
+pub(super) struct Lanes<T>(pub [T; 2]);
 
-impl<T: Copy> Pair<T> {
+impl<T: Copy> Lanes<T> {
     #[inline(always)]
-    pub fn map<U>(self, function: impl Fn(T) -> U) -> Pair<U> {
+    pub fn map<U>(self, function: impl Fn(T) -> U) -> Lanes<U> {
         let [a, b] = self.0;
-        Pair([function(a), function(b)])
+        Lanes([function(a), function(b)])
     }
 
     #[inline(always)]
-    pub fn zip<U, V>(self, other: Pair<U>, function: impl Fn(T, U) -> V) -> Pair<V> {
+    pub fn zip<U, V>(self, other: Lanes<U>, function: impl Fn(T, U) -> V) -> Lanes<V> {
         let ([a, b], [c, d]) = (self.0, other.0);
-        Pair([function(a, c), function(b, d)])
+        Lanes([function(a, c), function(b, d)])
     }
 }
 
-impl<T: Real> Pair<T> {
+impl<T: Real> Lanes<T> {
     #[inline(always)]
     pub fn sum(self) -> T {
         let [a, b] = self.0;
@@ -31,7 +31,7 @@ impl<T: Real> Pair<T> {
     }
 }
 
-impl<T: Real> Add for Pair<T> {
+impl<T: Real> Add for Lanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -40,7 +40,7 @@ impl<T: Real> Add for Pair<T> {
     }
 }
 
-impl<T: Real> Sub for Pair<T> {
+impl<T: Real> Sub for Lanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -49,7 +49,7 @@ impl<T: Real> Sub for Pair<T> {
     }
 }
 
-impl<T: Real> Mul for Pair<T> {
+impl<T: Real> Mul for Lanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -58,7 +58,7 @@ impl<T: Real> Mul for Pair<T> {
     }
 }
 
-impl<T: Real> Mul<T> for Pair<T> {
+impl<T: Real> Mul<T> for Lanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -67,7 +67,7 @@ impl<T: Real> Mul<T> for Pair<T> {
     }
 }
 
-impl<T: Real> Neg for Pair<T> {
+impl<T: Real> Neg for Lanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -76,25 +76,25 @@ impl<T: Real> Neg for Pair<T> {
     }
 }
 
-/// Two complex numbers in step.
+/// Two complex numbers, each in its lane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ComplexPair<T> {
-    pub re: Pair<T>,
-    pub im: Pair<T>,
+pub(super) struct ComplexLanes<T> {
+    pub re: Lanes<T>,
+    pub im: Lanes<T>,
 }
 
-impl<T: Real> ComplexPair<T> {
+impl<T: Real> ComplexLanes<T> {
     #[inline(always)]
     pub fn new([a, b]: [Complex<T>; 2]) -> Self {
         Self {
-            re: Pair([a.re, b.re]),
-            im: Pair([a.im, b.im]),
+            re: Lanes([a.re, b.re]),
+            im: Lanes([a.im, b.im]),
         }
     }
 
     #[inline(always)]
     pub fn parts(self) -> [Complex<T>; 2] {
-        let (Pair([a, b]), Pair([c, d])) = (self.re, self.im);
+        let (Lanes([a, b]), Lanes([c, d])) = (self.re, self.im);
         [Complex::new(a, c), Complex::new(b, d)]
     }
 
@@ -108,7 +108,7 @@ impl<T: Real> ComplexPair<T> {
     }
 
     #[inline(always)]
-    pub fn scaled(self, by: Pair<T>) -> Self {
+    pub fn scaled(self, by: Lanes<T>) -> Self {
         Self {
             re: self.re * by,
             im: self.im * by,
@@ -116,17 +116,17 @@ impl<T: Real> ComplexPair<T> {
     }
 
     #[inline(always)]
-    pub fn cross(self, other: Self) -> Pair<T> {
+    pub fn cross(self, other: Self) -> Lanes<T> {
         self.re * other.im - self.im * other.re
     }
 
     #[inline(always)]
-    pub fn dot(self, other: Self) -> Pair<T> {
+    pub fn dot(self, other: Self) -> Lanes<T> {
         self.re * other.re + self.im * other.im
     }
 }
 
-impl<T: Real> Add for ComplexPair<T> {
+impl<T: Real> Add for ComplexLanes<T> {
     type Output = Self;
 
     #[inline(always)]
@@ -138,7 +138,7 @@ impl<T: Real> Add for ComplexPair<T> {
     }
 }
 
-impl<T: Real> Sub for ComplexPair<T> {
+impl<T: Real> Sub for ComplexLanes<T> {
     type Output = Self;
 
     #[inline(always)]
