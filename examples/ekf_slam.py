@@ -44,9 +44,9 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.align import wrap
-from bearslam.ellipses import COVERED, LOOK, draw_ellipses
-from bearslam.plot import ESTIMATE, FORMATS, PAPER, TRUTH, Look, finish, save_figure
+from bearslam.data.align import wrap
+from bearslam.plotting.ellipses import COVERED, LOOK, draw_ellipses
+from bearslam.plotting.map import ESTIMATE, FORMATS, PAPER, TRUTH, Look, finish, save_figure
 
 Array = NDArray[np.float64]
 STARTS = ("bearslam", "bearslam blocks", "blind")

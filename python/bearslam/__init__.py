@@ -14,19 +14,20 @@ True
 """
 
 from bearslam._core import __version__
-from bearslam.align import Similarity, align
-from bearslam.diagnose import Diagnosis, Finding, NullDirection, diagnose
+from bearslam.data.align import Similarity, align
+from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
+from bearslam.data.problem import Offsets, Problem, Sightings
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
-from bearslam.files import load, save
+from bearslam.io.files import load, save
+from bearslam.io.truth import load_truth
 from bearslam.montecarlo.result import SweepResult
-from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import Offsets, Problem, Sightings
 from bearslam.reconstruction import Reconstruction, Undetermined
-from bearslam.resect import resect
-from bearslam.simulate import Scene, simulate
-from bearslam.solve import initialize, refine, solve
-from bearslam.sweep import sweep
-from bearslam.three_view import (
+from bearslam.verbs.diagnose import Diagnosis, Finding, NullDirection, diagnose
+from bearslam.verbs.resect import resect
+from bearslam.verbs.simulate import Scene, simulate
+from bearslam.verbs.solve import initialize, refine, solve
+from bearslam.verbs.sweep import sweep
+from bearslam.verbs.three_view import (
     ThreeViewBatch,
     ThreeViewSolution,
     epipoles,
@@ -34,8 +35,7 @@ from bearslam.three_view import (
     three_view_batch,
     trifocal_tensor,
 )
-from bearslam.triangulate import triangulate
-from bearslam.truth import load_truth
+from bearslam.verbs.triangulate import triangulate
 
 __all__ = [
     "BearslamError",

@@ -7,8 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bearslam.diagnose import Diagnosis
     from bearslam.montecarlo.result import SweepResult
+    from bearslam.verbs.diagnose import Diagnosis
 
 __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TextIO
 
-from bearslam.coerce import Progress
+from bearslam.data.checks import Progress
 
 __all__ = ["ProgressLine", "telling"]
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.coerce import FloatArray
-from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import Sightings
+from bearslam.data.checks import FloatArray
+from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
+from bearslam.data.problem import Sightings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bearslam.maps import MapLike
+    from bearslam.data.maps import MapLike
 
 __all__ = ["FRAMES", "CovarianceFrame", "Reconstruction", "Termination", "Undetermined", "outliers", "per_sighting"]
 
@@ -183,7 +183,7 @@ class Reconstruction:
         ImportError
             If matplotlib is not installed (``pip install "bearslam[plot]"``).
         """
-        from bearslam.plot import plot
+        from bearslam.plotting.map import plot
 
         return plot(self, ax, truth)
 
@@ -212,7 +212,7 @@ class Reconstruction:
         OSError
             If it cannot be written, or the viewer cannot be opened, as without a screen.
         """
-        from bearslam.viewer import view
+        from bearslam.plotting.viewer import view
 
         view(self, path, truth)
 
@@ -236,7 +236,7 @@ class Reconstruction:
         OSError
             If it cannot be written.
         """
-        from bearslam.files import save
+        from bearslam.io.files import save
 
         save(self, path, robot=robot)
 
@@ -268,7 +268,7 @@ class Reconstruction:
         ImportError
             If GTSAM is not installed (``pip install gtsam``).
         """
-        from bearslam.gtsam_graph import to_gtsam
+        from bearslam.io.gtsam import to_gtsam
 
         return to_gtsam(self)
 

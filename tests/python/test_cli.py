@@ -16,8 +16,8 @@ import pytest
 
 import bearslam
 from bearslam.cli import main
+from bearslam.cli.report import describe, excess
 from bearslam.progress import ProgressLine
-from bearslam.report import describe, excess
 
 from .test_files import BAD
 
@@ -223,17 +223,17 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 LOADED = """\
 import signal, sys
-import bearslam.cli, bearslam.cli_input
+import bearslam.cli, bearslam.cli.input
 
 # Where the tests run in the background the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-def load(path, load=bearslam.cli_input.load, **options):
+def load(path, load=bearslam.cli.input.load, **options):
     problem = load(path, **options)
     print("loaded", flush=True)
     return problem
 
-bearslam.cli_input.load = load
+bearslam.cli.input.load = load
 sys.exit(bearslam.cli.main(sys.argv[1:]))
 """
 
@@ -378,7 +378,7 @@ def test_a_file_that_cannot_be_written_is_left_as_it_was(scene, tmp_path, monkey
 
 def test_without_matplotlib_a_picture_is_refused_before_the_work(scene, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "bearslam.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "bearslam.plotting.map", raising=False)
     out = tmp_path / "map.json"
     assert main(["solve", str(scene), "-o", str(out), "--plot", str(tmp_path / "map.png")]) == 1
     assert complaint(capsys) == 'pictures need matplotlib: pip install "bearslam[plot]"'
@@ -390,7 +390,7 @@ def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bearslam.cli_input.load", interrupted)
+    monkeypatch.setattr("bearslam.cli.input.load", interrupted)
     assert main(["solve", str(scene)]) == 130
     assert capsys.readouterr().err == "bearslam: interrupted\n"
 

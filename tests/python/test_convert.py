@@ -88,7 +88,7 @@ def test_what_is_no_such_file_is_refused(tmp_path, name, content, message):
 
 
 def test_a_bomb_does_not_go_off(tmp_path, monkeypatch):
-    monkeypatch.setattr("bearslam.compressed.LIMIT", len(CSV))
+    monkeypatch.setattr("bearslam.io.compression.LIMIT", len(CSV))
     assert len(bearslam.load(io.BytesIO(gzip.compress(CSV))).sightings) == 2
     bomb = gzip.compress(CSV + b"#" * 5 * 10**7)
     tracemalloc.start()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, Offsets, PosePriors, Problem, Sightings
-from bearslam.g2o_file import parse, render
+from bearslam.io.g2o import parse, render
 
 number = st.floats(-1e6, 1e6)
 positive = st.floats(1e-4, 1e4) | st.sampled_from([1e-100, 1e100, 0.1, 1 / 3])

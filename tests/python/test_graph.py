@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, Offsets, PosePriors, Problem, Sightings
-from bearslam.graph_file import parse
-from bearslam.mounting import mounted
+from bearslam.io.sensor_pose import mounted
+from bearslam.io.text_graph import parse
 
 from .conftest import REPOSITORY
 from .test_g2o import assert_same
@@ -155,9 +155,9 @@ coordinate = st.floats(-10, 10)
 def test_bearings_with_ranges_come_back_from_g2o(rows):
     text = "".join(f"BR 0 {j} {' '.join(map(repr, row))}\n" for j, row in enumerate(rows))
     problem = parse(text.encode(), "some.graph")
-    from bearslam import g2o_file
+    from bearslam.io import g2o
 
-    assert_same(g2o_file.parse(g2o_file.render(problem).encode(), "some.g2o"), problem)
+    assert_same(g2o.parse(g2o.render(problem).encode(), "some.g2o"), problem)
 
 
 @pytest.mark.skipif(not PARK.exists(), reason=f"no data in {PARK}; BEARSLAM_SHARED names the folder above data/")

@@ -12,7 +12,7 @@ import pytest
 import bearslam
 from bearslam import InvalidInputError
 from bearslam.cli import main
-from bearslam.mrclam import OdometryNoise, read
+from bearslam.io.mrclam import OdometryNoise, read
 
 T0 = 1248446190.0
 DELAY = 0.25
@@ -395,7 +395,7 @@ def test_set_7_motions_against_motion_capture():
 @pytest.mark.parametrize("window", range(3))
 def test_set_7_odometry_as_computed_independently(window):
     """At the times of the views of derived scenes, which are means of several images."""
-    from bearslam.mrclam import _motions
+    from bearslam.io.mrclam import _motions
 
     path = SHARED / "derived" / "MRCLAM_Dataset7_track_joint.npz"
     with np.load(path) as scenes:

@@ -10,9 +10,9 @@ from matplotlib.collections import EllipseCollection, LineCollection, PolyCollec
 from matplotlib.figure import Figure
 
 import bearslam
-from bearslam.chains import chains
-from bearslam.looks import ROBOTS
-from bearslam.plot import draw_to_file, save_figure
+from bearslam.plotting.map import draw_to_file, save_figure
+from bearslam.plotting.odometry_chains import chains
+from bearslam.plotting.style import ROBOTS
 
 SCENE = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
 

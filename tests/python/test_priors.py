@@ -6,7 +6,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, PosePriors, Sightings
-from bearslam.align import wrap
+from bearslam.data.align import wrap
 
 NOISE = 0.009
 SIGMA = (0.02, 0.02, 0.01)

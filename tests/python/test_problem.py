@@ -8,7 +8,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.problem import tabulate
+from bearslam.data.problem import tabulate
 
 NAN = np.nan
 

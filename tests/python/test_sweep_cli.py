@@ -14,7 +14,7 @@ import pytest
 import bearslam
 from bearslam import SweepResult
 from bearslam.cli import main
-from bearslam.cli_sweep import _pool
+from bearslam.cli.sweep import _pool
 
 SMALL = ["sweep", "mixed", "--views", "4", "6", "--landmarks", "7", "--noise-deg", "0.1", "0.5", "--trials", "10"]
 
@@ -71,7 +71,7 @@ def test_the_defaults_are_those_of_the_paper(monkeypatch):
         seen.update(options, arguments=arguments)
         return bearslam.sweep("mixed", 4, 7, 0.1, trials=1)
 
-    monkeypatch.setattr("bearslam.cli_sweep.sweep", sweep)
+    monkeypatch.setattr("bearslam.cli.sweep.sweep", sweep)
     assert main(["sweep"]) == 0
     layouts, views, landmarks, noise = seen["arguments"]
     assert layouts == ["mixed", "enclosed"]
@@ -90,16 +90,16 @@ def test_processes_find_the_same(tmp_path, expected):
 
 GOING = """\
 import signal, sys
-import bearslam.cli, bearslam.cli_sweep
+import bearslam.cli, bearslam.cli.sweep
 
-def sweep(*arguments, sweep=bearslam.cli_sweep.sweep, **options):
+def sweep(*arguments, sweep=bearslam.cli.sweep.sweep, **options):
     options["progress"] = lambda stage, done, total: print("going", flush=True) if done < 20 else None
     return sweep(*arguments, **options)
 
 if __name__ == "__main__":
     # Where the tests run in the background the signal is ignored from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    bearslam.cli_sweep.sweep = sweep
+    bearslam.cli.sweep.sweep = sweep
     sys.exit(bearslam.cli.main(sys.argv[1:]))
 """
 
@@ -149,7 +149,7 @@ def test_a_broken_pool_is_an_error_that_saves_what_is_done(tmp_path, monkeypatch
     def broken(*arguments, **options):
         raise bearslam.ExecutorError("executor: gone", result=expected)
 
-    monkeypatch.setattr("bearslam.cli_sweep.sweep", broken)
+    monkeypatch.setattr("bearslam.cli.sweep.sweep", broken)
     assert main([*SMALL, "-o", str(out)]) == 1
     captured = capsys.readouterr()
     assert captured.err == "bearslam: error: executor: gone\n"

@@ -11,8 +11,8 @@ import pytest
 import bearslam
 from bearslam import InvalidInputError, load_truth
 from bearslam.cli import main
-from bearslam.files import save_truth
-from bearslam.maps import compare
+from bearslam.data.maps import compare
+from bearslam.io.files import save_truth
 
 NOISE = np.radians(0.5)
 HEADER = "# a\n"

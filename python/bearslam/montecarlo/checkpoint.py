@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 
 from bearslam._core import __version__
-from bearslam.coerce import IntArray, quote
+from bearslam.data.checks import IntArray, quote
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Chunk, Grid
 from bearslam.montecarlo.tally import COUNTS, HIGHEST, LOWEST, QUANTITIES

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from bearslam.coerce import SEED_LIMIT, quote, whole
+from bearslam.data.checks import SEED_LIMIT, quote, whole
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Grid
 from bearslam.montecarlo.result import SweepResult

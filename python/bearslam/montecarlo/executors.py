@@ -15,7 +15,7 @@ from typing import TypeAlias
 from uuid import uuid4
 
 from bearslam import _core
-from bearslam.coerce import IntArray
+from bearslam.data.checks import IntArray
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import RawChunk
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import os
 
-from bearslam.atomic import replacing
-from bearslam.files import kind
+from bearslam.io.atomic import replacing
+from bearslam.io.files import kind
 from bearslam.montecarlo import csv_file, npz_file
 from bearslam.montecarlo.result import SweepResult
 

@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, cast
 
 from numpy.typing import ArrayLike
 
-from bearslam.coerce import choice, quote, real, whole
+from bearslam.data.checks import choice, quote, real, whole
 from bearslam.errors import InvalidInputError
-from bearslam.simulate import LAYOUTS, PLACES, Layout
+from bearslam.verbs.simulate import LAYOUTS, PLACES, Layout
 
 __all__ = ["AXES", "STARTS", "Chunk", "Grid", "RawChunk", "Start", "chunk_size", "cut"]
 

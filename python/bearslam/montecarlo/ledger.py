@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from bearslam.coerce import IntArray
+from bearslam.data.checks import IntArray
 from bearslam.montecarlo.grid import Chunk, Grid
 from bearslam.montecarlo.tally import Tally
 

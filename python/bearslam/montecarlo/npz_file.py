@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.coerce import IntArray
+from bearslam.data.checks import IntArray
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Grid
 from bearslam.montecarlo.result import SweepResult

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
-from bearslam.coerce import FloatArray, choice
+from bearslam.data.checks import FloatArray, choice
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Start
 from bearslam.montecarlo.table import degrees
-from bearslam.plot import ESTIMATE, LINEAR, PAPER, TRUTH
+from bearslam.plotting.map import ESTIMATE, LINEAR, PAPER, TRUTH
 
 try:
     from matplotlib.figure import Figure
@@ -41,7 +41,8 @@ class Stroke:
     name: str
 
 
-# The colours of `bearslam.plot`. Markers and lines tell the starts apart without them, and widths where they coincide.
+# The colours of `bearslam.plotting.style`. Markers and lines tell the starts apart without them, and widths where they
+# coincide.
 STROKES = {
     "random": Stroke("#e69f00", "s", "-.", 1.6, "random start"),
     "projective": Stroke(PAPER.color, "D", "--", 2.6, "projective start"),

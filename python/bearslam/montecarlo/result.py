@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from bearslam import _core
-from bearslam.coerce import FloatArray, IntArray, choice, quote, whole
+from bearslam.data.checks import FloatArray, IntArray, choice, quote, whole
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import AXES, Grid, Start
 from bearslam.montecarlo.statistics import Statistics, Total, confident
 from bearslam.montecarlo.tally import COUNTS, Tally
-from bearslam.simulate import Layout, Scene, simulate
+from bearslam.verbs.simulate import Layout, Scene, simulate
 
 if TYPE_CHECKING:
     import pandas as pd

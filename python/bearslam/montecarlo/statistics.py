@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
-from bearslam.coerce import FloatArray, IntArray, choice, quote, real
+from bearslam.data.checks import FloatArray, IntArray, choice, quote, real
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.tally import (
     FAILURES,

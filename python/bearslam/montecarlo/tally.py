@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from bearslam.coerce import FloatArray, IntArray
+from bearslam.data.checks import FloatArray, IntArray
 
 __all__ = ["COUNTS", "HIGHEST", "LOWEST", "QUANTITIES", "Quantity", "Tally"]
 

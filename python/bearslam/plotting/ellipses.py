@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Covariances in pictures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bearslam.data.checks import FloatArray
+from bearslam.plotting.legend import Entry
+from bearslam.plotting.style import HEAVY, shrunk
+
+try:
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.lines import Line2D
+except ImportError:
+    raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from None
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["COVERED", "RADIUS", "draw_ellipses"]
+
+COVERED = 0.95
+"""Probability that a point is within its ellipse, if errors are Gaussian."""
+RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - COVERED)))
+"""The radius of that ellipse, in standard deviations: squared it is the quantile of chi-square with two degrees."""
+LARGE = 0.25
+"""Half of the longer axis, as a share of the map, from which on an ellipse does not widen the picture."""
+WIDTH = 0.9
+LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00"}
+"""The orange of Okabe and Ito, which stands out from the robots and landmarks that ellipses lie over."""
+
+
+def draw_ellipses(
+    ax: Axes,
+    points: FloatArray,
+    covariances: FloatArray,
+    stretched: FloatArray,
+    scale: float,
+    note: str,
+    zorder: float,
+) -> list[Entry]:
+    """Ellipses around points (k, 2) for covariances (k, 2, 2), which a matrix takes into the frame of the points.
+
+    Those without bounds are left out. The note is for the legend.
+
+    Returns what the legend says of them: nothing where there are none.
+    """
+    known = np.isfinite(points).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
+    if not known.any():
+        return []
+    points, covariances = points[known], stretched @ covariances[known] @ stretched.T
+    squares, axes = np.linalg.eigh(covariances)
+    # Rounding may leave what is held a little below zero.
+    minor, major = RADIUS * np.sqrt(np.maximum(squares, 0.0)).T
+    ellipses = EllipseCollection(
+        2 * major,
+        2 * minor,
+        np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])),
+        units="xy",
+        offsets=points,
+        offset_transform=ax.transData,
+        zorder=zorder,
+        linewidths=WIDTH * shrunk(len(points), 70, 0.5),
+        rasterized=len(points) > HEAVY,
+        **LOOK,
+    )
+    ellipses.set_in_layout(False)  # it is clipped, however large it is
+    ax.add_collection(ellipses)
+    reach = RADIUS * np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
+    small = major < LARGE * scale
+    ax.update_datalim(np.concatenate([(points - reach)[small], (points + reach)[small]]))
+    ax.autoscale_view()
+    symbol = Line2D([], [], linestyle="none", marker="o", markersize=9, markeredgewidth=WIDTH)
+    symbol.set(markerfacecolor=LOOK["facecolors"], markeredgecolor=LOOK["edgecolors"])
+    return [(symbol, f"{100 * COVERED:.0f} % ellipse" + (f"\n({note})" if note else ""))]

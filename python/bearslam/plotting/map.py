@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Pictures of maps. Needs matplotlib, which the rest of the package does without."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bearslam.cli.report import printable
+from bearslam.data.checks import FloatArray
+from bearslam.data.maps import Map, MapLike, pick, register
+from bearslam.io.atomic import replacing
+from bearslam.io.files import kind
+from bearslam.io.view_names import moment
+from bearslam.plotting.ellipses import draw_ellipses
+from bearslam.plotting.geometry import central, extent, laid_over, moved, sight_lines, stretch
+from bearslam.plotting.legend import Entry, legend
+from bearslam.plotting.odometry_chains import Chains, chains
+from bearslam.plotting.rays import draw_outliers, draw_rays
+from bearslam.plotting.style import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Look, colors, shrunk
+from bearslam.plotting.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
+from bearslam.reconstruction import outliers
+
+try:
+    import matplotlib as mpl
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
+except ImportError:
+    raise ImportError('pictures need matplotlib: pip install "bearslam[plot]"') from None
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from bearslam.reconstruction import Reconstruction
+
+__all__ = [
+    "ESTIMATE",
+    "FORMATS",
+    "LINEAR",
+    "PAPER",
+    "TRUTH",
+    "Entry",
+    "Look",
+    "draw_map",
+    "draw_names",
+    "draw_offsets",
+    "draw_outliers",
+    "draw_rays",
+    "draw_to_file",
+    "extent",
+    "finish",
+    "laid_over",
+    "legend",
+    "plot",
+    "save_figure",
+    "sight_lines",
+]
+
+FORMATS = (".png", ".svg", ".pdf")
+SIZE = (8.0, 5.0)
+"""Of a figure, with room for the legend beside the map [inches]."""
+ENCIRCLED = 20
+"""Views of a long way that have an ellipse; more would hide the map."""
+LABELLED = 30
+"""Robots that are labelled; more labels than that hide the map."""
+FEW = 50
+"""Landmarks above which their markers shrink."""
+
+
+def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
+    """Draw a reconstruction; see `Reconstruction.plot`."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        _, ax = plt.subplots(figsize=SIZE, layout="constrained")
+    views = len(result.poses)
+    shown = Map(result.poses, result.landmarks)
+    paths = chains(result.odometry if views > MANY else None, views)
+    stretched = np.eye(2)
+    entries: list[Entry] = []
+    if truth is None:
+        scale = extent(shown)
+    else:
+        target = pick("truth", truth, views, len(shown.landmarks))
+        similarity = register(shown, target)
+        shown, stretched = moved(shown, similarity), stretch(similarity)
+        scale = extent(target)
+        if paths.robots:
+            draw_paths(ax, target, paths, TRUTH, scale, arrows=False)
+            entries.append(_landmarks(ax, target, TRUTH, "truth", _stroke(TRUTH.color)))
+        else:
+            entries.append(draw_map(ax, target, TRUTH, "truth", scale))
+    entries += (
+        _draw_paths(ax, shown, paths, scale, result.view_ids)
+        if paths.robots
+        else [draw_map(ax, shown, ESTIMATE, "estimate", scale)]
+    )
+    if result.pose_covariance is not None and result.landmark_covariance is not None:
+        every = 1 if views <= MANY else -(-views // ENCIRCLED)
+        covariances = np.concatenate([result.pose_covariance[::every, :2, :2], result.landmark_covariance])
+        points = np.concatenate([shown.poses[::every, :2], shown.landmarks])
+        of = [] if result.covariance_frame is None else [result.covariance_frame.replace("_", " ")]
+        of += [f"1 view in {every}"] if every > 1 else []
+        entries += draw_ellipses(ax, points, covariances, stretched, scale, ",\n".join(of), ESTIMATE.zorder + 0.05)
+    wrong = outliers(result)
+    lines, dashed = (sight_lines(shown, result.sightings, which, oriented=result.oriented) for which in (~wrong, wrong))
+    entries.append(draw_rays(ax, lines, "bearing"))
+    if len(dashed):
+        entries.append(draw_outliers(ax, dashed))
+        lines = np.concatenate([lines, dashed])
+    draw_names(ax, shown, ESTIMATE, scale, result.view_ids or range(views), lines)
+    finish(ax, "map units" if truth is None else "m")
+    frame(ax, shown)
+    ax.legend(**legend(entries), loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    return ax
+
+
+def _robots(paths: Chains, names: Sequence[str] | None) -> list[str]:
+    """What robots are called: as their views say, ``robot@time``, or by number."""
+    called = [None if names is None else moment(names[robot[0]]).robot for robot in paths.robots]
+    return [
+        str(number) if name is None or called.count(name) > 1 else printable(name) for number, name in enumerate(called)
+    ]
+
+
+def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float, names: Sequence[str] | None) -> list[Entry]:
+    """The estimate where there are many views, robots as lines along their odometry."""
+    draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
+    own = colors(len(paths.robots), ESTIMATE)
+    above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # ellipses that are smaller than the markers are below them
+    if len(set(own)) > 1:
+        entries: list[Entry] = [
+            (_stroke(color), f"robot {name}") for name, color in zip(_robots(paths, names), own, strict=True)
+        ]
+        entries.append(_landmarks(ax, shown, replace(above, color="black"), "landmark"))
+    else:
+        entries = [_landmarks(ax, shown, above, "estimate", _stroke(ESTIMATE.color))]
+    entries.append(draw_ends(ax, shown, paths, ESTIMATE))
+    return entries + draw_closures(ax, shown, paths)
+
+
+def draw_map(ax: Axes, drawn: Map, look: Look, label: str, scale: float) -> Entry:
+    """Robots as triangles that point where they head, landmarks as markers; what is undetermined is left out."""
+    draw_triangles(ax, headed(drawn, scale), look, look.color)
+    return _landmarks(ax, drawn, look, label, _symbol(look, ">", 8.0))
+
+
+def _landmarks(ax: Axes, drawn: Map, look: Look, label: str, *before: Line2D) -> Entry:
+    """Landmarks as markers, and what the legend says of them and of what comes before them."""
+    points = drawn.landmarks[np.isfinite(drawn.landmarks).all(axis=1)]
+    size = look.size * shrunk(len(points), FEW, 0.35)
+    markers = _symbol(look, look.marker, size, *points.T)
+    markers.set_rasterized(len(points) > HEAVY)
+    ax.add_line(markers)
+    ax.autoscale_view()
+    return (*before, _symbol(look, look.marker, max(size, 0.6 * look.size))), label
+
+
+def _symbol(look: Look, marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
+    line = Line2D(x, y, color=look.color, linestyle="none", marker=marker, markersize=size, zorder=look.zorder)
+    line.set(markerfacecolor=look.face, markeredgecolor=look.color, markeredgewidth=min(1.1, 0.3 * size))
+    return line
+
+
+def _stroke(color: str) -> Line2D:
+    return Line2D([], [], color=color, linewidth=1.3)
+
+
+def frame(ax: Axes, drawn: Map) -> None:
+    """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
+    points = central(drawn)
+    if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
+        margin = 0.1 * extent(drawn)
+        ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
+        ax.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
+
+
+def draw_names(
+    ax: Axes, drawn: Map, look: Look, scale: float, names: Sequence[object], lines: FloatArray, *others: Map
+) -> None:
+    """Names beside the robots, where they are farthest from lines and from the points of this and other maps."""
+    if len(drawn.poses) > LABELLED:
+        return
+    edges = [lines]
+    points = []
+    for one in (drawn, *others):
+        corners = headed(one, scale)
+        edges += [np.stack([corners[:, k - 1], corners[:, k]], axis=1) for k in range(3)]
+        points.append(one.landmarks)
+    start, end = np.concatenate(edges).transpose(1, 0, 2)
+    along = np.linspace(0.0, 1.0, 101)[:, None, None]
+    occupied = np.concatenate([(start + along * (end - start)).reshape(-1, 2), *points]) @ [1, 1j]
+    occupied = occupied[np.isfinite(occupied)]
+    away = (0.04 if len(drawn.poses) <= 10 else 0.03) * scale
+    for name, (x, y, heading) in zip(names, drawn.poses, strict=True):
+        if np.isfinite(x + y + heading):
+            around = heading + np.pi + np.linspace(-2.4, 2.4, 49)  # where the triangle has no tip
+            places = x + 1j * y + away * np.exp(1j * around)
+            place = places[np.argmax(np.abs(places[:, None] - occupied).min(axis=1).round(6))]
+            occupied = np.append(occupied, place + 0.01 * scale * np.array([0, 1, -1]))
+            text = ax.text(
+                place.real, place.imag, printable(name), color=look.color, fontsize=8, clip_on=True, parse_math=False
+            )
+            text.set(ha="center", va="center", zorder=look.zorder + 1)
+            text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+
+
+def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
+    """Thin lines between what is the same in two maps."""
+    lines = np.stack([np.concatenate([one.poses[:, :2], one.landmarks]) for one in (start, end)], axis=1)
+    lines = lines[np.isfinite(lines).all(axis=(1, 2))]
+    ax.add_collection(
+        LineCollection(list(lines), colors=look.color, linewidths=0.8, linestyles=":", zorder=look.zorder - 0.1)
+    )
+
+
+def finish(ax: Axes, unit: str) -> None:
+    """Equal scales and named axes."""
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_xlabel(f"x [{unit}]")
+    ax.set_ylabel(f"y [{unit}]")
+    ax.grid(color="#e6e6e6", linewidth=0.6)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def draw_to_file(result: Reconstruction, path: str | os.PathLike[str], truth: MapLike | None = None) -> None:
+    """Draw a reconstruction into a file, over the truth where there is one."""
+    from matplotlib.figure import Figure
+
+    width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
+    figure = Figure(figsize=(width, 5.0), layout="constrained")
+    plot(result, figure.add_subplot(), truth)
+    save_figure(figure, path, cropped=True)  # axes of equal scales leave room beside them
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str], *, cropped: bool = False) -> None:
+    """Write a figure to a file, in one step, without what is empty around it if so wished.
+
+    The same figure gives the same bytes.
+    """
+    suffix = kind(path, FORMATS)
+    undated: dict[str, dict[str, str | None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    with (
+        mpl.rc_context({"svg.hashsalt": "bearslam"}),
+        warnings.catch_warnings(),
+        replacing(path) as file,
+    ):
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # a box stands for it
+        around: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.1} if cropped else {}
+        figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix], **around)

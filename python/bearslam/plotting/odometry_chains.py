@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The order in which robots went through their views, as odometry tells it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bearslam.data.checks import FloatArray, IntArray
+from bearslam.data.priors import Odometry
+
+__all__ = ["Chains", "chains", "closed", "pieces"]
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Views in the order in which robots went through them.
+
+    Attributes
+    ----------
+    robots : tuple of (k,) ndarray of int
+        The views of each robot that has moved, at least two, in their order; robots in the order of their first views.
+    closures : (c, 2) ndarray of int
+        Views between which there are other motions: loop closures, and ties between robots.
+    """
+
+    robots: tuple[IntArray, ...]
+    closures: IntArray
+
+
+def chains(odometry: Odometry | None, views: int) -> Chains:
+    """The chains of so many views.
+
+    Two views are consecutive where a motion joins them, and none of the two has a motion to a view whose number is
+    between theirs. So the views of several robots may come one robot after the other or take turns.
+    """
+    if odometry is None:
+        return Chains((), np.empty((0, 2), dtype=np.intp))
+    pairs = np.unique(np.sort(np.column_stack([odometry.start, odometry.end]), axis=1), axis=0)
+    first, second = pairs.T
+    following = np.full(views, views)
+    preceding = np.full(views, -1)
+    np.minimum.at(following, first, second)
+    np.maximum.at(preceding, second, first)
+    steps = (following[first] == second) & (preceding[second] == first)
+    after = dict(zip(first[steps].tolist(), second[steps].tolist(), strict=True))
+    robots = []
+    for view in sorted(set(after) - set(after.values())):
+        robot = [view]
+        while robot[-1] in after:
+            robot.append(after[robot[-1]])
+        robots.append(np.array(robot))
+    return Chains(tuple(robots), pairs[~steps])
+
+
+def pieces(robot: IntArray, points: FloatArray) -> list[IntArray]:
+    """The views of a robot, in stretches of two and more whose points (m, 2) are all known."""
+    known = np.isfinite(points[robot]).all(axis=1)
+    stretches = np.split(robot, np.flatnonzero(np.diff(known)) + 1)
+    return [stretch for stretch in stretches if len(stretch) > 1 and np.isfinite(points[stretch[0]]).all()]
+
+
+def closed(of: Chains, points: FloatArray) -> FloatArray:
+    """Start and end (k, 2, 2) of the closures whose points (m, 2) are known."""
+    lines: FloatArray = points[of.closures]
+    return lines[np.isfinite(lines).all(axis=(1, 2))]
