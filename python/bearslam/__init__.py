@@ -15,13 +15,15 @@ True
 
 from bearslam._core import __version__
 from bearslam.data.align import Similarity, align
+from bearslam.data.estimate import Undetermined
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.data.problem import Offsets, Problem, Sightings
+from bearslam.data.problem import Problem
+from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
 from bearslam.io.files import load, save
 from bearslam.io.truth import load_truth
-from bearslam.montecarlo.result import SweepResult
-from bearslam.reconstruction import Reconstruction, Undetermined
+from bearslam.montecarlo.sweep_result import SweepResult
+from bearslam.reconstruction import Reconstruction
 from bearslam.verbs.diagnose import Diagnosis, Finding, NullDirection, diagnose
 from bearslam.verbs.resect import resect
 from bearslam.verbs.simulate import Scene, simulate

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The exceptions of the package: bad input and degenerate geometry are told apart by type."""
+"""The exceptions of the package: bad input and degenerate geometry are told apart by type.
+
+This is the lowest layer, so the results that errors carry are typed as `object` here; the docstrings say what they are.
+"""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from bearslam.montecarlo.result import SweepResult
-    from bearslam.verbs.diagnose import Diagnosis
+from typing import Any
 
 __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
 
@@ -40,11 +39,11 @@ class DegenerateError(BearslamError, ArithmeticError):
 
     Attributes
     ----------
-    diagnosis : Diagnosis or None
-        What the bearings leave undetermined, and why, by name; None where nothing was diagnosed.
+    diagnosis : object
+        The `Diagnosis` of what the bearings leave undetermined, and why; None where nothing was diagnosed.
     """
 
-    diagnosis: Diagnosis | None
+    diagnosis: object
 
     def __init__(self, message: str, *, quantity: str, value: float, bound: float) -> None:
         super().__init__(message)
@@ -66,11 +65,11 @@ class ExecutorError(BearslamError, RuntimeError):
     ----------
     message : str
         What happened.
-    result : SweepResult
-        What had been done until then.
+    result : object
+        The `SweepResult` of the trials done by then.
     """
 
-    def __init__(self, message: str, *, result: SweepResult) -> None:
+    def __init__(self, message: str, *, result: object) -> None:
         super().__init__(message)
         self.result = result
 

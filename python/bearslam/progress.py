@@ -8,11 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self, TextIO
+from typing import Self, TextIO, TypeAlias
 
-from bearslam.data.checks import Progress
+__all__ = ["Progress", "ProgressLine", "telling"]
 
-__all__ = ["ProgressLine", "telling"]
+Progress: TypeAlias = Callable[[str, int, int], object]
+"""Called with the stage, the steps done and the steps in all."""
 
 
 @contextmanager

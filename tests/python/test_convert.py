@@ -194,7 +194,7 @@ def test_what_is_not_used_is_told(folder, capsys):
             "problem: expected sightings alone for a CSV file, got odometry, start as well; a",
         ),
         (["convert", "a.g2o", "b.json"], "path: expected a name that ends in .csv or .g2o, got 'b.json'"),
-        (["convert", "a.g2o", "a.g2o"], "a.g2o: the result would replace what it is made from"),
+        (["convert", "a.g2o", "a.g2o"], "a.g2o: the result would overwrite the file it is made from"),
         (["convert", "a.g2o", "none/b.g2o"], "none/b.g2o: there is no folder 'none'"),
         (["convert", "none.g2o", "b.g2o"], "none.g2o: No such file or directory"),
         (["convert", "a.g2o", "b.g2o", "--sensor", "1"], "--sensor: expected X Y or X Y DEG, got 1 numbers"),

@@ -348,7 +348,7 @@ def test_command_line(folder, capsys):
     assert main(["solve", str(folder), "--robots", "2", "--start", "2", "--end", "9.5", "--every", "1.5", *truth]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("4 views, 6 landmarks, 24 sightings\n")
-    assert "errors, laid over the truth: 6 landmarks" in out
+    assert "errors after alignment with the truth: 6 landmarks" in out
     assert "note: 24 sightings left out of views less than 1.5 s after the one before" in err
     assert main(["solve", str(folder / "Barcodes.dat"), "--every", "1"]) == 1
     assert "every: is for folders" in capsys.readouterr().err

@@ -8,13 +8,13 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.data.problem import tabulate
+from bearslam.data.normalize import normalize
 
 NAN = np.nan
 
 
 def test_a_table_with_gaps_and_parallel_arrays_are_the_same_problem():
-    table = tabulate([[0.1, NAN, 0.3], [NAN, 0.5, 0.6]], sigma=0.02)
+    table = normalize([[0.1, NAN, 0.3], [NAN, 0.5, 0.6]], sigma=0.02)
     seen = table.sightings
     assert (table.views, table.landmarks) == (2, 3)
     assert seen.view.tolist() == [0, 0, 1, 1]
@@ -25,14 +25,14 @@ def test_a_table_with_gaps_and_parallel_arrays_are_the_same_problem():
 
 
 def test_views_and_landmarks_that_nobody_saw_count_in_a_table():
-    table = tabulate([[0.1, NAN], [NAN, NAN]])
+    table = normalize([[0.1, NAN], [NAN, NAN]])
     assert (table.views, table.landmarks) == (2, 2)
 
 
 def test_standard_deviations_of_a_table_may_have_gaps_where_the_table_has():
-    assert tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, NAN, 3.0]]).sigma.tolist() == [1.0, 3.0]
+    assert normalize([[0.1, NAN, 0.3]], sigma=[[1.0, NAN, 3.0]]).sigma.tolist() == [1.0, 3.0]
     with pytest.raises(InvalidInputError, match=r"sigma\[1\]: expected a number above 0"):
-        tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, 2.0, NAN]])
+        normalize([[0.1, NAN, 0.3]], sigma=[[1.0, 2.0, NAN]])
 
 
 def test_sightings_keep_what_they_were_given():
@@ -50,7 +50,7 @@ def test_sightings_keep_what_they_were_given():
 
 def test_names_stay_with_the_problem():
     problem = Problem(Sightings([0, 1], [0, 0], [0.1, 0.2]), ["left", "right"], ["door"])
-    table = tabulate(problem, 0.5)
+    table = normalize(problem, 0.5)
     assert table.view_ids == ("left", "right")
     assert table.landmark_ids == ("door",)
     assert table.sigma.tolist() == [0.5, 0.5]
@@ -104,7 +104,7 @@ def test_bad_sightings(view, landmark, bearing, sigma, message):
 )
 def test_bad_problems(problem, sigma, message):
     with pytest.raises(InvalidInputError, match=f"^{message}"):
-        tabulate(problem, sigma)
+        normalize(problem, sigma)
 
 
 @pytest.mark.parametrize(

@@ -218,7 +218,7 @@ def test_what_the_truth_does_not_have_is_not_named(tmp_path, monkeypatch, capsys
     (tmp_path / "truth.csv").write_text("kind,id,x,y,theta\nview,0,1,2,\nview,1,2,2,\n")
     assert main(["solve", "scene.csv", "--truth", "truth.csv"]) == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("errors"))
-    assert re.fullmatch(r"errors, laid over the truth: 2 positions \S+ rms", line)
+    assert re.fullmatch(r"errors after alignment with the truth: 2 positions \S+ rms", line)
 
 
 def test_vertices_alone_and_compressed(scene, tmp_path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What all commands share: complaints on one line, and looks at files before the work."""
+"""What all commands share: errors on one line, and checks of output files before any work is done."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from bearslam.cli.report import printable
 from bearslam.errors import InvalidInputError
-from bearslam.io.files import kind
+from bearslam.io.endings import ending_of
+from bearslam.io.text import printable
 
-__all__ = ["complain", "same", "writable"]
+__all__ = ["print_error", "same_file", "writable"]
 
 
-def complain(message: str, code: int = 1) -> int:
-    """Print a line to standard error, and return an exit code."""
+def print_error(message: str, code: int = 1) -> int:
+    """Print one line to standard error and return an exit code."""
     print(f"bearslam: {printable(message, 1000)}", file=sys.stderr)
     return code
 
 
-def same(one: str, other: str) -> bool:
+def same_file(one: str, other: str) -> bool:
     """Whether two paths lead to the same file."""
     return os.path.realpath(one) == os.path.realpath(other)
 
 
 def writable(path: str | None, suffixes: Sequence[str]) -> None:
-    """Refuse a path that nothing can be written to: before the work rather than after it."""
+    """Check a path before the work is done, not after it: its ending must be known and its folder must exist."""
     if path is not None:
-        kind(path, suffixes)
+        ending_of(path, suffixes)
         if not Path(path).parent.is_dir():
             raise InvalidInputError(f"{path}: there is no folder {str(Path(path).parent)!r}")

@@ -6,18 +6,19 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from bearslam.cli.console import same, writable
+from bearslam.cli.console import same_file, writable
 from bearslam.cli.input import INPUT, add_input, read_input
 from bearslam.errors import InvalidInputError
-from bearslam.io.files import PROBLEMS, save
+from bearslam.io.endings import PROBLEMS
+from bearslam.io.files import save
 
 __all__ = ["add"]
 
 DESCRIPTION = f"""\
-A file of bearings in another format.
+Convert a file of bearings to another format.
 
 {INPUT}\
-OUT is .g2o for all that FILE says, or .csv for sightings alone.
+OUT is .g2o to keep everything in FILE, or .csv for sightings alone.
 """
 EXAMPLES = """\
 examples:
@@ -30,18 +31,18 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
     """Add the command to the parser."""
     verb = verbs.add_parser(
         "convert",
-        help="a file of bearings in another format",
+        help="convert a file of bearings to another format",
         description=DESCRIPTION,
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_input(verb)
-    verb.add_argument("output", metavar="OUT", help="where to: .g2o or .csv")
-    verb.set_defaults(run=_convert)
+    verb.add_argument("output", metavar="OUT", help="file to write to: .g2o or .csv")
+    verb.set_defaults(run=_run)
 
 
-def _convert(options: argparse.Namespace) -> None:
+def _run(options: argparse.Namespace) -> None:
     writable(options.output, PROBLEMS)
-    if same(options.output, options.file):
-        raise InvalidInputError(f"{options.output}: the result would replace what it is made from")
+    if same_file(options.output, options.file):
+        raise InvalidInputError(f"{options.output}: the result would overwrite the file it is made from")
     save(read_input(options), options.output)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The paper's two robot experiments, simulated: from bearings to a picture."""
+"""The command `bearslam demo`: the paper's two robot experiments, simulated, solved and drawn."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
 import time
@@ -10,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from bearslam.verbs.solve import initialize, solve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["EXPERIMENTS", "Experiment", "Row", "measure", "run"]
+__all__ = ["EXPERIMENTS", "Experiment", "Row", "add", "measure", "run"]
 
 WIDTH, HEIGHT = 7.0, 5.0
 ROBOTS, BOXES = 4, 9
@@ -67,6 +68,24 @@ class Row:
     result: Reconstruction | DegenerateError
     errors: Errors | None
     seconds: float
+
+
+def add(verbs: argparse._SubParsersAction[Any]) -> None:
+    """Add the command to the parser."""
+    verb = verbs.add_parser(
+        "demo",
+        help="reproduce the paper's two robot experiments, with pictures",
+        description="Simulate, solve and draw the two robot experiments of Dellaert and Stroupe.",
+    )
+    verb.add_argument(
+        "-o", "--output", metavar="DIR", default="demo", help="folder to write the pictures to (default: %(default)s)"
+    )
+    verb.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> None:
+    for paragraph in run(options.output):
+        print(paragraph, end="\n\n", flush=True)
 
 
 def measure(scene: Scene, noise_rad: float, repeats: int = REPEATS) -> list[Row]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Results in words, for people: degrees instead of radians."""
+"""Results as text for people: degrees instead of radians."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from bearslam.data.estimate import Estimate, outliers, per_sighting
 from bearslam.data.maps import Map, compare
-from bearslam.reconstruction import Reconstruction, outliers, per_sighting
+from bearslam.io.text import printable
 
-__all__ = ["SHOWN", "columns", "describe", "errors", "excess", "listing", "percent", "printable"]
+__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "percent", "residuals_over_sigma"]
 
 SHOWN = 20
-"""Rows of a listing that are printed; a file has them all."""
+"""Rows of a listing that are printed; files have all of them."""
 FRAME = {
-    "first_view": "the first view held",
-    "free_network": "nothing moving on the whole",
-    "priors": "as odometry and priors fix it",
+    "first_view": "the first view held fixed",
+    "free_network": "inner constraints",
+    "priors": "fixed by odometry and priors",
 }
 """Frames of covariances in words."""
 
 
-def describe(result: Reconstruction) -> str:
-    """What was solved, how well, and what was not: a few lines."""
+def describe(result: Estimate) -> str:
+    """A few lines on the size of the problem, the fit, and what is not determined."""
     views, landmarks = len(result.poses), len(result.landmarks)
     lines = [
         f"{views} views, {landmarks} landmarks, {len(result.sightings)} sightings",
@@ -33,13 +34,15 @@ def describe(result: Reconstruction) -> str:
         f"({result.termination.replace('_', ' ')})",
     ]
     if not math.isnan(result.uncertainty):
-        lines.append(f"uncertainty {percent(result.uncertainty)} of the map's size where the bearings hold it least")
+        lines.append(
+            f"uncertainty {percent(result.uncertainty)} of the map's size in the direction that is constrained least"
+        )
     elif not math.isnan(result.sensitivity):
-        lines.append("uncertainty unknown: with no sightings to spare, the residuals say nothing about the errors")
+        lines.append("uncertainty unknown: without redundant sightings the residuals say nothing about the errors")
     if result.covariance_frame is not None:
         lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
     if not result.oriented:
-        lines.append("bearings are lines: every heading is known modulo 180 deg, each for itself")
+        lines.append("bearings are lines: each heading is known modulo 180 deg only")
     lines += _outliers(result)
     for one in result.undetermined[:SHOWN]:
         ids = result.view_ids if one.kind == "view" else result.landmark_ids
@@ -59,8 +62,8 @@ def describe(result: Reconstruction) -> str:
     return "\n".join(lines)
 
 
-def _outliers(result: Reconstruction) -> list[str]:
-    """Which view saw which landmark where it is not."""
+def _outliers(result: Estimate) -> list[str]:
+    """Sightings that the map does not explain."""
     wrong = np.flatnonzero(outliers(result))
     if len(wrong) == 0:
         return []
@@ -75,8 +78,8 @@ def _outliers(result: Reconstruction) -> list[str]:
     return lines if len(wrong) <= SHOWN else [*lines, f"  ... and {len(wrong) - SHOWN} more"]
 
 
-def errors(result: Reconstruction, truth: Map) -> str:
-    """How far a map is from the truth that it is laid over, on one line."""
+def errors(result: Estimate, truth: Map) -> str:
+    """Errors of a map after alignment with the truth, on one line."""
     found = compare(result, truth)
     parts = []
     known = np.isfinite(result.landmarks + truth.landmarks).all(axis=1).sum()
@@ -88,13 +91,13 @@ def errors(result: Reconstruction, truth: Map) -> str:
         parts.append(f"{places} positions {found.position:.4g} rms")
     if not math.isnan(found.heading):
         parts.append(f"headings {math.degrees(found.heading):.4g} deg rms")
-    return f"errors, laid over the truth: {', '.join(parts)}"
+    return f"errors after alignment with the truth: {', '.join(parts)}"
 
 
-def excess(result: Reconstruction) -> float:
-    """How many times larger residuals are than their standard deviations let expect, outliers apart.
+def residuals_over_sigma(result: Estimate) -> float:
+    """Ratio of the residuals to what their standard deviations predict, outliers apart.
 
-    NaN without degrees of freedom to tell, or without standard deviations.
+    NaN without degrees of freedom to judge by, or without standard deviations.
     """
     sigma = result.sightings.sigma
     if sigma is None or (sigma == 1.0).all():
@@ -103,7 +106,7 @@ def excess(result: Reconstruction) -> float:
     wrong = int(outliers(result).sum())
     freedom = int(np.isfinite(result.residuals).sum()) - wrong - 3 * int(placed.sum()) - 2 * int(known.sum())
     if result.pose_priors is None and result.landmark_priors is None:
-        freedom += 4 if result.odometry is None else 3  # nothing holds place, rotation and scale
+        freedom += 4 if result.odometry is None else 3  # position, rotation and, without odometry, scale are free
     if result.odometry is not None:
         freedom += 3 * int((placed[result.odometry.start] & placed[result.odometry.end]).sum())
     if result.pose_priors is not None:
@@ -111,12 +114,12 @@ def excess(result: Reconstruction) -> float:
         freedom += int(np.isfinite(held).sum()) if held.ndim == 2 else 3 * len(held)
     if result.landmark_priors is not None:
         freedom += 2 * len(result.landmark_priors)
-    # An outlier counts with the square of three standard deviations.
+    # An outlier contributes the square of three standard deviations.
     squares = 2.0 * result.cost - 9.0 * wrong
     return math.sqrt(max(squares, 0.0) / freedom) if freedom > 0 else math.nan
 
 
-def listing(result: Reconstruction) -> str:
+def listing(result: Estimate) -> str:
     """The map as a table: views, then landmarks."""
     views = result.view_ids or range(len(result.poses))
     landmarks = result.landmark_ids or range(len(result.landmarks))
@@ -140,14 +143,8 @@ def columns(rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines)
 
 
-def printable(text: object, limit: int = 60) -> str:
-    """Text on one line, without what would move the cursor or change the colour, cut where it is long."""
-    safe = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in str(text))
-    return safe if len(safe) <= limit else f"{safe[: limit - 3]}..."
-
-
 def percent(share: float) -> str:
-    """A share in percent, to two digits."""
+    """A share in percent, to two significant digits."""
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
 
 

@@ -10,26 +10,26 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, cast
 
-from bearslam.cli.console import complain, same, writable
+from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.report import columns
 from bearslam.data.checks import whole
 from bearslam.errors import ExecutorError, InvalidInputError
 from bearslam.montecarlo.files import RESULTS
 from bearslam.montecarlo.grid import STARTS
-from bearslam.montecarlo.result import SweepResult
 from bearslam.montecarlo.statistics import Total
+from bearslam.montecarlo.sweep_result import SweepResult
 from bearslam.montecarlo.table import degrees
 from bearslam.verbs.simulate import LAYOUTS
 from bearslam.verbs.sweep import sweep
 
 __all__ = ["add", "table"]
 
-WORDS = """\
-Monte-Carlo sweep: in every combination of layout, views, landmarks and noise draw scenes at random, solve each from
-several starts, and count how often the refinement misses the best minimum known. The defaults are the evaluation of
-Dellaert and Stroupe. Ctrl-C ends it early; what has been done is printed and saved.
+DESCRIPTION = """\
+Run a Monte-Carlo sweep: draw random scenes for every combination of layout, views, landmarks and noise, refine each
+from several starts, and count how often the refinement misses the best known minimum. The defaults are those of the
+evaluation by Dellaert and Stroupe. Ctrl-C ends the sweep early; the trials done so far are printed and saved.
 """
 EXAMPLES = """\
 examples:
@@ -57,11 +57,11 @@ HEAD = (
 
 
 def add(verbs: argparse._SubParsersAction[Any]) -> None:
-    """Add the command to the others."""
+    """Add the command to the parser."""
     verb = verbs.add_parser(
         "sweep",
-        help="how often refinements fail, over many random scenes",
-        description=WORDS,
+        help="measure how often refinements fail, over many random scenes",
+        description=DESCRIPTION,
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -71,33 +71,51 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         default=["mixed", "enclosed"],
         type=_one_of(LAYOUTS),
         metavar="LAYOUT",
-        help=f"{', '.join(LAYOUTS)} (default: mixed enclosed)",
+        help=f"layouts of the scenes: {', '.join(LAYOUTS)} (default: mixed enclosed)",
     )
     several = (
-        ("--views", int, "N", [4, 6, 8, 10, 12], "how many views"),
-        ("--landmarks", int, "N", [7, 9, 11, 13, 15], "how many landmarks"),
-        ("--noise-deg", float, "DEG", [0.1, 0.5, 1.0], "of bearings"),
-        ("--starts", _one_of(STARTS), "START", ["random", "projective", "solve"], ", ".join(STARTS)),
+        ("--views", int, "N", [4, 6, 8, 10, 12], "numbers of views"),
+        ("--landmarks", int, "N", [7, 9, 11, 13, 15], "numbers of landmarks"),
+        ("--noise-deg", float, "DEG", [0.1, 0.5, 1.0], "standard deviations of a bearing"),
+        (
+            "--starts",
+            _one_of(STARTS),
+            "START",
+            ["random", "projective", "solve"],
+            f"starts of the refinement: {', '.join(STARTS)}",
+        ),
     )
     for name, kind, metavar, default, text in several:
         shown = " ".join(f"{value}" for value in default)
         verb.add_argument(
             name, nargs="+", type=kind, metavar=metavar, default=default, help=f"{text} (default: {shown})"
         )
-    verb.add_argument("--trials", type=int, default=50, metavar="N", help="scenes of each kind (default: %(default)s)")
-    verb.add_argument("--seed", type=int, default=0, metavar="N", help="of the scenes (default: %(default)s)")
-    verb.add_argument("-o", "--output", metavar="OUT", help="write the result: .npz or .csv")
-    verb.add_argument("--plot", metavar="OUT", help="draw the failures: .png, .svg or .pdf")
-    verb.add_argument("--plot-errors", metavar="OUT", help="draw the errors against noise: .png, .svg or .pdf")
-    verb.add_argument("--checkpoint", metavar="FILE", help="remember what is done; the same command goes on from there")
-    verb.add_argument("--chunk", type=int, metavar="N", help="trials done in one go (default: as fits the sweep)")
-    verb.add_argument("--threads", type=int, metavar="N", default=0, help="of this process (default: one a core)")
-    verb.add_argument("--workers", type=int, metavar="N", default=0, help="processes instead of threads")
+    verb.add_argument(
+        "--trials", type=int, default=50, metavar="N", help="number of scenes per combination (default: %(default)s)"
+    )
+    verb.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the scenes (default: %(default)s)")
+    verb.add_argument(
+        "-o", "--output", metavar="OUT", help="file to write the result to: .npz, which can be read again, or .csv"
+    )
+    verb.add_argument("--plot", metavar="OUT", help="file to draw the failures to: .png, .svg or .pdf")
+    verb.add_argument(
+        "--plot-errors", metavar="OUT", help="file to draw the errors against noise to: .png, .svg or .pdf"
+    )
+    verb.add_argument(
+        "--checkpoint", metavar="FILE", help="file that records finished trials; the same command resumes from it"
+    )
+    verb.add_argument(
+        "--chunk", type=int, metavar="N", help="number of trials per piece of work (default: depends on the sweep)"
+    )
+    verb.add_argument("--threads", type=int, metavar="N", default=0, help="number of threads (default: one per core)")
+    verb.add_argument(
+        "--workers", type=int, metavar="N", default=0, help="number of processes to use instead of threads"
+    )
     verb.set_defaults(run=_run)
 
 
 def table(result: SweepResult) -> str:
-    """Lines for every layout, noise and start, over all views and landmarks."""
+    """A row for every layout, noise and start, over all views and landmarks."""
     rows: list[Sequence[str]] = list(HEAD)
     for layout in result.layout:
         for noise in result.grid.noise:
@@ -127,11 +145,11 @@ def _run(options: argparse.Namespace) -> int:
                 threads=options.threads,
             )
     except ExecutorError as error:
-        result = error.result
-        code = complain(f"error: {error}")
+        result = cast("SweepResult", error.result)
+        code = print_error(f"error: {error}")
     done, total = int(result.done.sum()), result.trials * result.grid.cells
     if code == 0 and not result.complete:
-        code = complain(f"interrupted after {done} of {total} scenes", 130)
+        code = print_error(f"interrupted after {done} of {total} scenes", 130)
     if done == 0:
         return code
     if options.output is not None:
@@ -146,10 +164,10 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> list[tuple[str, Any]]:
-    """Refuse what cannot be done; the pictures that are to be drawn."""
+    """Check the options before the work; return the pictures to draw."""
     whole("--workers", options.workers, 0, 1024)
     if options.workers and options.threads:
-        raise InvalidInputError("--workers: each has one thread; give --workers or --threads")
+        raise InvalidInputError("--workers: each worker has one thread; give either --workers or --threads")
     writable(options.output, RESULTS)
     named = (("failures", options.plot), ("errors", options.plot_errors))
     pictures = [(path, kind) for kind, path in named if path is not None]
@@ -160,19 +178,19 @@ def _check(options: argparse.Namespace) -> list[tuple[str, Any]]:
             writable(path, FORMATS)
     paths = [path for path in (options.output, options.checkpoint, *dict(pictures)) if path is not None]
     for index, path in enumerate(paths):
-        if any(same(path, other) for other in paths[:index]) or len(dict(pictures)) < len(pictures):
-            raise InvalidInputError(f"{path}: two things would replace each other")
+        if any(same_file(path, other) for other in paths[:index]) or len(dict(pictures)) < len(pictures):
+            raise InvalidInputError(f"{path}: two outputs would overwrite each other")
     return pictures
 
 
 @contextmanager
 def _pool(workers: int) -> Iterator[Executor | None]:
-    """Processes to run a sweep, which end with the block: at once after an interruption."""
+    """Processes that run a sweep and end with the block, at once after an interruption."""
     if workers == 0:
         yield None
         return
     before = set(multiprocessing.active_children())
-    # Ctrl-C goes to the whole family. The processes leave it to this one from the beginning, which they inherit.
+    # Ctrl-C reaches every process of the group. The workers inherit that it is ignored and leave it to this process.
     ignore = (signal.SIGINT, signal.SIG_IGN)
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), signal.signal, ignore)
     handler = signal.signal(*ignore)

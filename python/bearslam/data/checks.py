@@ -6,20 +6,21 @@ from __future__ import annotations
 import math
 import operator
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, SupportsFloat, SupportsIndex, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bearslam.errors import InvalidInputError
+from bearslam.progress import Progress
 
 __all__ = [
     "SEED_LIMIT",
     "FloatArray",
     "IntArray",
-    "Progress",
     "choice",
+    "flag",
     "floats",
     "indices",
     "observer",
@@ -31,8 +32,6 @@ __all__ = [
 
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
-Progress: TypeAlias = Callable[[str, int, int], object]
-"""Called with the stage, the steps done and the steps in all."""
 
 SEED_LIMIT = 2**64 - 1
 """The largest seed."""
@@ -134,6 +133,13 @@ def choice(name: str, value: str, known: Sequence[str]) -> str:
     if value not in known:
         raise InvalidInputError(f"{name}: expected {' or '.join(map(repr, known))}, got {quote(value)}")
     return value
+
+
+def flag(name: str, value: bool) -> bool:
+    """True or False, and nothing that passes for it."""
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInputError(f"{name}: expected True or False, got {quote(value)}")
+    return bool(value)
 
 
 def observer(progress: Progress | None) -> Progress | None:

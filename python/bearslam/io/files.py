@@ -4,39 +4,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, TypeAlias, get_args
+from typing import Any, BinaryIO
 
 from numpy.typing import ArrayLike
 
 from bearslam.data.checks import choice
+from bearslam.data.estimate import Estimate
+from bearslam.data.maps import HasMap
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.errors import InvalidInputError
 from bearslam.io import g2o, map_file, mrclam, sightings_csv, text_graph, tum
 from bearslam.io.atomic import replacing
 from bearslam.io.compression import GZIP, decompressed
+from bearslam.io.endings import ENDINGS, FORMATS, PROBLEMS, RESULTS, TRUTHS, Format, ending_of
 from bearslam.io.sensor_pose import mounted
 from bearslam.io.text_graph import NoiseFormat
-from bearslam.reconstruction import Reconstruction
-from bearslam.verbs.simulate import Scene
 
-__all__ = ["FORMATS", "MAPS", "PROBLEMS", "RESULTS", "TRUTHS", "Format", "kind", "load", "save", "save_truth"]
-
-Format: TypeAlias = Literal["csv", "g2o", "graph"]
-"""What `load` reads."""
-FORMATS: tuple[Format, ...] = get_args(Format)
-
-ENDINGS: dict[str, Format] = {".csv": "csv", ".g2o": "g2o", ".graph": "graph", ".toro": "graph"}
-"""Formats that the name of a file tells. Of others the content does."""
-PROBLEMS = (".csv", ".g2o")
-"""Endings of the files that problems are written to."""
-MAPS = (".json", ".csv", ".g2o")
-"""Endings of the files that hold maps."""
-RESULTS = (*MAPS, ".tum")
-"""Endings of what a reconstruction is written to."""
-TRUTHS = (".json", ".csv")
-"""Endings of the files that hold the truth of a scene."""
+__all__ = ["load", "save", "save_truth"]
 
 
 def load(
@@ -145,7 +130,7 @@ def load(
     return problem if sensor is None else mounted(problem, sensor)
 
 
-def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
+def save(what: Estimate | ProblemLike, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
     """Write a problem to a file that `load` reads, or a reconstruction as `Reconstruction.save` does.
 
     Parameters
@@ -180,14 +165,14 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str], *, ro
     ...     load(path)
     <Problem: 36 of 9 landmarks from 4 views>
     """
-    ending = kind(path, RESULTS if isinstance(what, Reconstruction) else (*PROBLEMS, ".tum"))
+    ending = ending_of(path, RESULTS if isinstance(what, Estimate) else (*PROBLEMS, ".tum"))
     if robot is not None and ending != ".tum":
         raise InvalidInputError(f"robot: is for a trajectory, a name that ends in .tum, got {os.fspath(path)!r}")
     if ending == ".tum":
         text = tum.render(what, robot)
     elif ending == ".g2o":
         text = g2o.render(what)
-    elif not isinstance(what, Reconstruction):
+    elif not isinstance(what, Estimate):
         text = sightings_csv.render(what)
     elif ending == ".csv":
         text = map_file.as_csv(what, what.view_ids, what.landmark_ids)
@@ -196,17 +181,9 @@ def save(what: Reconstruction | ProblemLike, path: str | os.PathLike[str], *, ro
     _write(path, text)
 
 
-def save_truth(scene: Scene, path: str | os.PathLike[str]) -> None:
+def save_truth(scene: HasMap, path: str | os.PathLike[str]) -> None:
     """Write the poses and landmarks of a scene in the formats of a reconstruction, without what it adds to them."""
-    _write(path, map_file.as_csv(scene) if kind(path, TRUTHS) == ".csv" else map_file.truth_as_json(scene))
-
-
-def kind(path: str | os.PathLike[str], known: Sequence[str]) -> str:
-    """The ending of a file name, one of those that are known."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in known:
-        raise InvalidInputError(f"path: expected a name that ends in {' or '.join(known)}, got {os.fspath(path)!r}")
-    return suffix
+    _write(path, map_file.as_csv(scene) if ending_of(path, TRUTHS) == ".csv" else map_file.truth_as_json(scene))
 
 
 def _write(path: str | os.PathLike[str], text: str) -> None:

@@ -18,13 +18,15 @@ from functools import partial
 import numpy as np
 
 from bearslam.data.checks import FloatArray, quote
+from bearslam.data.estimate import Estimate
 from bearslam.data.maps import Map
-from bearslam.data.problem import Offsets, Problem, ProblemLike, Sightings, tabulate
+from bearslam.data.normalize import normalize
+from bearslam.data.problem import Problem, ProblemLike
+from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import InvalidInputError
 from bearslam.io.graph_builder import Assembly, Spread, independent
 from bearslam.io.information import INDEX, covariance, information, informations, is_diagonal, sigma
 from bearslam.io.text import decode, identifier, numbered, numbers
-from bearslam.reconstruction import Reconstruction
 
 __all__ = ["TAG", "TAGS", "from_information", "parse", "render"]
 
@@ -232,7 +234,7 @@ def _stated(kind: str, noise: tuple[float, ...], turn: float) -> tuple[tuple[str
     return tuple(map(repr, _triangle(local))), False
 
 
-def render(what: Reconstruction | ProblemLike) -> str:
+def render(what: Estimate | ProblemLike) -> str:
     """The content of a file that holds a problem, or a map with all that it was made from."""
     problem = _problem(what)
     seen = problem.sightings
@@ -264,10 +266,10 @@ def render(what: Reconstruction | ProblemLike) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _problem(what: Reconstruction | ProblemLike) -> Problem:
+def _problem(what: Estimate | ProblemLike) -> Problem:
     if isinstance(what, Problem):
         return what
-    if isinstance(what, Reconstruction):
+    if isinstance(what, Estimate):
         if not what.oriented:
             raise InvalidInputError(
                 "path: expected bearings that are rays, as g2o takes them, got lines, known modulo half a turn; save "
@@ -285,7 +287,7 @@ def _problem(what: Reconstruction | ProblemLike) -> Problem:
             landmark_priors=what.landmark_priors,
             start=Map(what.poses, what.landmarks) if known else None,
         )
-    table = tabulate(what)
+    table = normalize(what)
     weighted = isinstance(what, Sightings) and what.sigma is not None
     seen = table.sightings
     return Problem(

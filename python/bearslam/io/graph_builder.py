@@ -13,7 +13,8 @@ import numpy as np
 from bearslam.data.checks import FloatArray, quote
 from bearslam.data.maps import Map
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.data.problem import SIGMA_RANGE, Offsets, Problem, Sightings
+from bearslam.data.problem import Problem
+from bearslam.data.sightings import SIGMA_RANGE, Offsets, Sightings
 from bearslam.errors import InvalidInputError
 from bearslam.io.information import INDEX
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bearslam.data.checks import FloatArray
-from bearslam.reconstruction import Reconstruction, per_sighting
+from bearslam.data.estimate import Estimate, per_sighting
 
 __all__ = ["to_gtsam"]
 
@@ -19,7 +19,7 @@ RANK = 1e-8
 """Freedom of the whole map below which nothing is left of it; lengths are shares of its size."""
 
 
-def to_gtsam(result: Reconstruction) -> tuple[Any, Any]:
+def to_gtsam(result: Estimate) -> tuple[Any, Any]:
     """Factors and values of a reconstruction."""
     try:
         gtsam: Any = importlib.import_module("gtsam")
@@ -31,7 +31,7 @@ def to_gtsam(result: Reconstruction) -> tuple[Any, Any]:
 class _Builder:
     """One graph under construction: the parts that are determined, and how the whole may still move."""
 
-    def __init__(self, result: Reconstruction, gtsam: Any) -> None:
+    def __init__(self, result: Estimate, gtsam: Any) -> None:
         self.result, self.gtsam = result, gtsam
         self.graph = gtsam.NonlinearFactorGraph()
         self.views = ~np.isnan(result.poses[:, 0])

@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 from bearslam.data.align import wrap
 from bearslam.data.checks import FloatArray, IntArray, quote, real, whole
 from bearslam.data.priors import Odometry
-from bearslam.data.problem import SIGMA_RANGE, Problem, Sightings, deviations
+from bearslam.data.problem import Problem
+from bearslam.data.sightings import SIGMA_RANGE, Sightings, deviations
 from bearslam.errors import InvalidInputError
 from bearslam.io.compression import decompressed
 from bearslam.io.text import decode

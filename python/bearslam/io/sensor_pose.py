@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from bearslam.data.checks import FloatArray, floats
 from bearslam.data.maps import Map
 from bearslam.data.priors import Odometry, PosePriors
-from bearslam.data.problem import Offsets, Problem, Sightings
+from bearslam.data.problem import Problem
+from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import InvalidInputError
 
 __all__ = ["mounted"]

@@ -3,16 +3,16 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterator
 
 from bearslam.data.checks import quote
-from bearslam.data.problem import SIGMA_RANGE, Problem, ProblemLike, Sightings, tabulate
+from bearslam.data.normalize import normalize
+from bearslam.data.problem import Problem, ProblemLike
+from bearslam.data.sightings import SIGMA_RANGE, Sightings
 from bearslam.errors import InvalidInputError
-from bearslam.io.text import decode, numbered
+from bearslam.io.text import csv_row, csv_rows, decode
 
-__all__ = ["parse", "render", "row"]
+__all__ = ["parse", "render"]
 
 COLUMNS = ("view", "landmark", "bearing", "bearing_deg", "sigma", "sigma_deg")
 TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
@@ -21,7 +21,7 @@ TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
 
 def parse(data: bytes, name: str) -> Problem:
     """Sightings from the content of a file of that name."""
-    rows = _rows(decode(data, name), name)
+    rows = csv_rows(decode(data, name), name)
     try:
         number, header = next(rows)
     except StopIteration:
@@ -63,7 +63,7 @@ def parse(data: bytes, name: str) -> Problem:
 
 def render(problem: ProblemLike) -> str:
     """The content of a file that holds the sightings."""
-    table = tabulate(problem)
+    table = normalize(problem)
     seen = table.sightings
     view_ids, landmark_ids = table.view_ids, table.landmark_ids
     views = [str(i) for i in range(table.views)] if view_ids is None else view_ids
@@ -73,12 +73,12 @@ def render(problem: ProblemLike) -> str:
         _check(problem)
         given = problem.sightings
     weighted = isinstance(given, Sightings) and given.sigma is not None
-    lines = [row("view", "landmark", "bearing", *(["sigma"] if weighted else []))]
+    lines = [csv_row("view", "landmark", "bearing", *(["sigma"] if weighted else []))]
     for i, j, bearing, sigma in zip(
         seen.view.tolist(), seen.landmark.tolist(), seen.bearing.tolist(), table.sigma.tolist(), strict=True
     ):
         turned = bearing if abs(bearing) <= TURN["bearing"] else math.remainder(bearing, math.tau)
-        lines.append(row(views[i], landmarks[j], repr(turned), *([repr(sigma)] if weighted else [])))
+        lines.append(csv_row(views[i], landmarks[j], repr(turned), *([repr(sigma)] if weighted else [])))
     return "".join(lines)
 
 
@@ -103,27 +103,6 @@ def _check(problem: Problem) -> None:
             f"problem: expected sightings alone for a CSV file, got {', '.join(lost)} as well; a .g2o file holds "
             "these, and Problem.bearings_only() (on the command line --bearings-only) leaves them out"
         )
-
-
-def row(*cells: str) -> str:
-    """One line of CSV, which is no comment whatever is in it."""
-    quoted = ('"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"#') else cell for cell in cells)
-    return ",".join(quoted) + "\n"
-
-
-def _rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    for number, line in numbered(text):
-        content = line.strip()
-        if not content or content.startswith("#"):
-            continue
-        if '"' in content:
-            try:
-                (cells,) = csv.reader([content], strict=True, skipinitialspace=True)
-            except (csv.Error, ValueError) as error:
-                raise InvalidInputError(f"{name}:{number}: {error}") from None
-        else:
-            cells = content.split(",")
-        yield number, [cell.strip() for cell in cells]
 
 
 def _columns(header: list[str], where: str) -> dict[str, int]:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Text files that are read line by line: what is no text, no number or no identifier is named with its line."""
+"""Text files that are read line by line, with errors that name the line, and text that is safe to print."""
 
 from __future__ import annotations
 
+import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from bearslam.data.checks import quote
 from bearslam.errors import InvalidInputError
 
-__all__ = ["decode", "identifier", "numbered", "numbers"]
+__all__ = ["csv_row", "csv_rows", "decode", "identifier", "numbered", "numbers", "printable"]
 
 LENGTH = 1000
 """Characters of all numbers on a line, beyond which they are none."""
@@ -50,6 +51,34 @@ def identifier(word: str, where: str) -> str:
     if not (word.isascii() and word.isdecimal() and len(word) <= 20 and int(word) < LARGEST):
         raise InvalidInputError(f"{where}: expected the number of a vertex from 0, got {quote(word)}")
     return str(int(word))
+
+
+def csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
+    """Rows of CSV with the numbers of their lines; empty lines and lines that start with # are skipped."""
+    for number, line in numbered(text):
+        content = line.strip()
+        if not content or content.startswith("#"):
+            continue
+        if '"' in content:
+            try:
+                (cells,) = csv.reader([content], strict=True, skipinitialspace=True)
+            except (csv.Error, ValueError) as error:
+                raise InvalidInputError(f"{name}:{number}: {error}") from None
+        else:
+            cells = content.split(",")
+        yield number, [cell.strip() for cell in cells]
+
+
+def csv_row(*cells: str) -> str:
+    """One line of CSV, which is no comment whatever is in it."""
+    quoted = ('"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"#') else cell for cell in cells)
+    return ",".join(quoted) + "\n"
+
+
+def printable(text: object, limit: int = 60) -> str:
+    """Text on one line, without what would move the cursor or change the colour, cut where it is long."""
+    safe = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in str(text))
+    return safe if len(safe) <= limit else f"{safe[: limit - 3]}..."
 
 
 def _is_number(word: str) -> bool:

@@ -3,10 +3,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,24 +10,20 @@ from pathlib import Path
 import numpy as np
 
 from bearslam.data.align import wrap
-from bearslam.data.checks import FloatArray, quote
+from bearslam.data.checks import FloatArray
 from bearslam.data.maps import Map
-from bearslam.data.problem import ProblemLike, tabulate
+from bearslam.data.normalize import normalize
+from bearslam.data.problem import ProblemLike
 from bearslam.errors import InvalidInputError
-from bearslam.io import g2o
-from bearslam.io.compression import GZIP, decompressed
+from bearslam.io import map_file
+from bearslam.io.map_file import Points
 from bearslam.io.mrclam import ROBOTS, read_table
-from bearslam.io.text import decode
 from bearslam.io.view_names import moment
 
 __all__ = ["load_truth"]
 
 GAP = 0.5
 """Longest time between two true poses that one in between is interpolated over [s]."""
-COLUMNS = {"views": ("x", "y", "theta"), "landmarks": ("x", "y")}
-
-Points = dict[str, FloatArray]
-"""Poses or positions by id."""
 
 
 def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
@@ -70,23 +62,15 @@ def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
     >>> truth.poses[0]
     array([0., 0., 0.])
     """
-    table = tabulate(problem)
+    table = normalize(problem)
     views = tuple(map(str, range(table.views))) if table.view_ids is None else table.view_ids
     landmarks = tuple(map(str, range(table.landmarks))) if table.landmark_ids is None else table.landmark_ids
     file = Path(path)
     if file.is_dir():
         truth = Map(_captured(file, views), _ordered(_surveyed(file), landmarks, 2))
     else:
-        suffix = Path(file.stem if file.suffix.lower() == ".gz" else file.name).suffix.lower()
-        if suffix not in READERS:
-            raise InvalidInputError(
-                f"truth: expected a name that ends in {' or '.join(READERS)}, or a folder, got {os.fspath(path)!r}"
-            )
-        name, data = os.fspath(path), file.read_bytes()
-        if data.startswith(GZIP):
-            data = decompressed(data, name)
-        found = READERS[suffix](name, decode(data, name))
-        truth = Map(_ordered(found["views"], views, 3), _ordered(found["landmarks"], landmarks, 2))
+        found = map_file.read(path)
+        truth = Map(_ordered(found.views, views, 3), _ordered(found.landmarks, landmarks, 2))
     if not any(np.isfinite(part).any() for part in truth):
         raise InvalidInputError(f"{os.fspath(path)}: expected views or landmarks of the problem, got none of them")
     return truth
@@ -95,108 +79,6 @@ def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
 def _ordered(points: Points, names: Sequence[str], columns: int) -> FloatArray:
     unknown = np.full(columns, np.nan)
     return np.array([points.get(name, unknown) for name in names]).reshape(-1, columns)
-
-
-def _json(name: str, text: str) -> dict[str, Points]:
-    try:
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InvalidInputError(f"{name}:{error.lineno}: expected JSON: {error.msg}") from None
-    except (RecursionError, ValueError) as error:  # nested without end, numbers without end
-        raise InvalidInputError(f"{name}: expected JSON of a map: {error}") from None
-    if not isinstance(content, dict):
-        raise InvalidInputError(f"{name}: expected a JSON object with views and landmarks, got {quote(content)}")
-    found: dict[str, Points] = {}
-    for kind, columns in COLUMNS.items():
-        rows = content.get(kind)
-        if not isinstance(rows, list):
-            raise InvalidInputError(f"{name}: expected a list of {kind}, got {quote(rows)}")
-        points = found.setdefault(kind, {})
-        for k, row in enumerate(rows):
-            where = f"{name}: {kind}[{k}]"
-            if not isinstance(row, dict) or type(row.get("id")) not in (str, int):
-                raise InvalidInputError(f"{where}: expected an object with an id, got {quote(row)}")
-            missing = next((column for column in columns if column not in row), None)
-            if missing is not None:
-                raise InvalidInputError(f"{where}: expected a number or null as {missing}, got none")
-            _put(points, str(row["id"]), [_plain(f"{where}: {one}", row[one]) for one in columns], where)
-    return found
-
-
-def _plain(where: str, value: object) -> float:
-    """Number of a JSON file; null is what is unknown."""
-    if value is None:
-        return math.nan
-    try:
-        number = float(value) if type(value) in (int, float) else math.nan  # type: ignore[arg-type]
-    except OverflowError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InvalidInputError(f"{where}: expected a finite number or null, got {quote(value)}")
-    return number
-
-
-def _csv(name: str, text: str) -> dict[str, Points]:
-    found: dict[str, Points] = {kind: {} for kind in COLUMNS}
-    head = ["kind", "id", "x", "y", "theta"]
-    started = False
-    for number, line in enumerate(io.StringIO(text, newline=None), start=1):
-        content = line.strip()
-        if not content or content.startswith("#"):
-            continue
-        where = f"{name}:{number}"
-        try:
-            (cells,) = csv.reader([content], strict=True, skipinitialspace=True)
-        except (csv.Error, ValueError) as error:
-            raise InvalidInputError(f"{where}: {error}") from None
-        cells = [cell.strip() for cell in cells]
-        if not started:
-            started = True
-            if cells != head:
-                raise InvalidInputError(f"{where}: expected a header {','.join(head)}, got {quote(content)}")
-            continue
-        if len(cells) != len(head) or cells[0] not in ("view", "landmark") or not cells[1]:
-            raise InvalidInputError(f"{where}: expected view or landmark, id, x, y and theta, got {quote(content)}")
-        kind = f"{cells[0]}s"
-        columns = COLUMNS[kind]
-        values = [_cell(column, cell, where) for column, cell in zip(columns, cells[2:], strict=False)]
-        if kind == "landmarks" and cells[4]:
-            raise InvalidInputError(f"{where}: expected no theta of a landmark, got {quote(cells[4])}")
-        _put(found[kind], cells[1], values, where)
-    if not started:
-        raise InvalidInputError(f"{name}: expected a map, got an empty file")
-    return found
-
-
-def _cell(column: str, cell: str, where: str) -> float:
-    """Number of a CSV file; nan or nothing is what is unknown."""
-    if cell in ("", "nan"):
-        return math.nan
-    try:
-        value = math.nan if "_" in cell else float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InvalidInputError(f"{where}: expected a finite number or nan as {column}, got {quote(cell)}")
-    return value
-
-
-def _put(points: Points, name: str, values: list[float], where: str) -> None:
-    if name in points:
-        raise InvalidInputError(f"{where}: expected every id once, got {quote(name)} again")
-    point = np.array(values)
-    if np.isnan(point[:2]).any():
-        point[:] = np.nan
-    points[name] = point
-
-
-def _g2o(name: str, text: str) -> dict[str, Points]:
-    views, landmarks = g2o.vertices(text.encode(), name)
-    return {"views": views, "landmarks": landmarks}
-
-
-READERS = {".json": _json, ".csv": _csv, ".g2o": _g2o}
-"""What makes points out of the text of a file, by the ending of its name."""
 
 
 def _surveyed(folder: Path) -> Points:

@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from bearslam.data.checks import quote
+from bearslam.data.estimate import Estimate
 from bearslam.data.problem import Problem
 from bearslam.errors import InvalidInputError
 from bearslam.io.view_names import moment
-from bearslam.reconstruction import Reconstruction
 
 __all__ = ["render"]
 
@@ -22,7 +22,7 @@ def render(what: object, robot: str | int | None = None) -> str:
     Times come from names ``robot@time`` or ``time``. Where the name of a view of the robot says none, the times of all
     are the numbers of the views.
     """
-    if isinstance(what, Reconstruction):
+    if isinstance(what, Estimate):
         poses, ids = what.poses, what.view_ids
     elif isinstance(what, Problem) and what.start is not None:
         poses, ids = what.start.poses, what.view_ids

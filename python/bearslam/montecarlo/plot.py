@@ -12,8 +12,9 @@ import numpy as np
 from bearslam.data.checks import FloatArray, choice
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Start
+from bearslam.montecarlo.result import Result
 from bearslam.montecarlo.table import degrees
-from bearslam.plotting.map import ESTIMATE, LINEAR, PAPER, TRUTH
+from bearslam.plotting.style import ESTIMATE, LINEAR, PAPER, TRUTH
 
 try:
     from matplotlib.figure import Figure
@@ -24,8 +25,6 @@ except ImportError:
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["draw_errors", "draw_failures"]
 
@@ -60,7 +59,7 @@ ERRORS = {
 """Label, and unit in what the sweep has."""
 
 
-def draw_failures(result: SweepResult, *, starts: Sequence[Start] | None = None) -> Figure:
+def draw_failures(result: Result, *, starts: Sequence[Start] | None = None) -> Figure:
     """Heat maps of the failures in percent, as in figure 11 of Dellaert and Stroupe.
 
     Parameters
@@ -119,7 +118,7 @@ def draw_failures(result: SweepResult, *, starts: Sequence[Start] | None = None)
 
 
 def draw_errors(
-    result: SweepResult,
+    result: Result,
     *,
     quantity: Literal["position", "heading"] = "heading",
     starts: Sequence[Start] | None = None,
@@ -255,7 +254,7 @@ def _logarithmic(line: Iterable[Axes]) -> None:
             ax.spines[side].set_visible(False)
 
 
-def _starts(result: SweepResult, starts: Sequence[Start] | None) -> tuple[Start, ...]:
+def _starts(result: Result, starts: Sequence[Start] | None) -> tuple[Start, ...]:
     if starts is None:
         return result.start
     chosen: tuple[str, ...] = (starts,) if isinstance(starts, str) else tuple(starts)
@@ -291,7 +290,7 @@ def _percent(share: float) -> str:
     return f"{percents:.0f}"
 
 
-def _scenes(result: SweepResult) -> str:
+def _scenes(result: Result) -> str:
     """How many scenes."""
     scenes = f"{result.trials:,} scene{'s' if result.trials != 1 else ''} per cell".replace(",", "\u2009")
     return scenes if result.complete else f"{scenes} (not all done)"

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What a sweep has found out, with names on every axis."""
+"""What a sweep has found: counts with names on every axis, and what follows from them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,16 +17,11 @@ from bearslam.montecarlo.statistics import Statistics, Total, confident
 from bearslam.montecarlo.tally import COUNTS, Tally
 from bearslam.verbs.simulate import Layout, Scene, simulate
 
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-    from matplotlib.figure import Figure
-
-__all__ = ["SweepResult"]
+__all__ = ["Result"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
+class Result(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
     """Failures, errors, iterations and time of every start in every cell of a sweep.
 
     A cell is one combination of layout, noise, views and landmarks. A statistic is a dict that gives for every start
@@ -51,7 +45,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
     >>> from bearslam import sweep
     >>> result = sweep("mixed", views=[4, 6], landmarks=[7, 9], noise=np.radians([0.5, 1]), trials=20)
     >>> result
-    <SweepResult: 1 layout, 2 noises, 2 views, 2 landmarks, 3 starts; 160 of 160 scenes>
+    <{type(self).__name__}: 1 layout, 2 noises, 2 views, 2 landmarks, 3 starts; 160 of 160 scenes>
     >>> result.failure_rate["solve"].shape
     (2, 2, 2)
     >>> result.total("random").failures > result.total("solve").failures
@@ -75,7 +69,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
             )
         ]
         done, total = int(self.done.sum()), self.trials * self.grid.cells
-        return f"<SweepResult: {', '.join(counts)}; {done} of {total} scenes>"
+        return f"<{type(self).__name__}: {', '.join(counts)}; {done} of {total} scenes>"
 
     @property
     def layout(self) -> tuple[Layout, ...]:
@@ -212,7 +206,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         drawn = _core.scene_seed(*cell, exact, own, whole("trial", trial, 0))
         return simulate(*cell, noise=exact, seed=drawn)
 
-    def merge(self, other: SweepResult) -> SweepResult:
+    def merge(self, other: Result) -> Self:
         """Both sweeps together: the same cells and starts, other seeds.
 
         Parameters
@@ -230,7 +224,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         InvalidInputError
             If the cells or starts differ, or a seed is in both: the same scenes would count twice.
         """
-        if not isinstance(other, SweepResult):
+        if not isinstance(other, Result):
             raise InvalidInputError(f"other: expected the result of a sweep, got {quote(other)}")
         difference = self.grid.difference(other.grid)
         if difference is not None:
@@ -239,9 +233,9 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         if common:
             raise InvalidInputError(f"other: expected a sweep with another seed, got {min(common)} again")
         together = self.tally.plus([(0, other.tally.counts, other.tally.bins())])
-        return SweepResult(self.grid, self.trials + other.trials, self.seeds + other.seeds, together)
+        return type(self)(self.grid, self.trials + other.trials, self.seeds + other.seeds, together)
 
-    def identical(self, other: SweepResult, *, times: bool = False) -> bool:
+    def identical(self, other: Result, *, times: bool = False) -> bool:
         """Whether another sweep has the same cells, starts, trials, seeds, and found the same, bit by bit.
 
         Parameters
@@ -263,111 +257,6 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
             and np.array_equal(self.tally.keys, other.tally.keys)
             and np.array_equal(self.tally.sizes, other.tally.sizes)
         )
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything to a file that `load` reads: arrays to `.npz`, a table with a line for each cell to `.csv`.
-
-        An existing file is replaced in one step, never left half written.
-
-        Raises
-        ------
-        InvalidInputError
-            If the name ends in neither.
-        OSError
-            If it cannot be written.
-        """
-        from bearslam.montecarlo.files import save
-
-        save(self, path)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> SweepResult:
-        """Read a file that `save` has written.
-
-        Parameters
-        ----------
-        path : str or path
-            Ends in `.npz` or `.csv`.
-
-        Returns
-        -------
-        SweepResult
-            The same, bit by bit.
-
-        Raises
-        ------
-        InvalidInputError
-            If the file is damaged, or no result of a sweep; with file and line.
-        OSError
-            If it cannot be read.
-        """
-        from bearslam.montecarlo.files import load
-
-        return load(path)
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A table with a row for each cell and start.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Layout, noise, views, landmarks and start, then what there is to tell. Angles are radians, in `_deg` columns
-            degrees.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        from bearslam.montecarlo.table import to_pandas
-
-        return to_pandas(self)
-
-    def to_xarray(self) -> xr.Dataset:
-        """The statistics over layout, noise, views, landmarks and start.
-
-        Returns
-        -------
-        xarray.Dataset
-            With these five dimensions, whatever the layout was given as.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-        """
-        from bearslam.montecarlo.table import to_xarray
-
-        return to_xarray(self)
-
-    def plot(self, kind: Literal["failures", "errors"] = "failures", **options: Any) -> Figure:
-        """Draw the sweep.
-
-        Parameters
-        ----------
-        kind : {"failures", "errors"}
-            "failures": how many of the trials fail, as heat maps over views and landmarks, a column for each start, a
-            row for each noise and layout. "errors": errors against noise, and how they compare with the bound.
-        **options
-            Of `bearslam.montecarlo.plot.draw_failures` or `bearslam.montecarlo.plot.draw_errors`.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The picture.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed (``pip install "bearslam[plot]"``).
-        InvalidInputError
-            If an option is out of range.
-        """
-        from bearslam.montecarlo.plot import draw_errors, draw_failures
-
-        if choice("kind", kind, ("failures", "errors")) == "failures":
-            return draw_failures(self, **options)
-        return draw_errors(self, **options)
 
     def _index(self, name: str, value: object) -> int:
         """Where a value is along an axis; a noise need not be the same to the last bit."""

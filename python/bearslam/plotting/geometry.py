@@ -3,17 +3,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from bearslam.data.align import Similarity
 from bearslam.data.checks import FloatArray, IntArray
 from bearslam.data.maps import Map, register
-
-if TYPE_CHECKING:
-    from bearslam.data.align import Similarity
-    from bearslam.data.problem import Sightings
+from bearslam.data.sightings import Sightings
 
 __all__ = ["central", "extent", "laid_over", "moved", "sight_lines", "stretch"]
 

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bearslam.cli.report import printable
 from bearslam.data.checks import FloatArray
+from bearslam.data.estimate import Estimate, outliers
 from bearslam.data.maps import Map, MapLike, pick, register
 from bearslam.io.atomic import replacing
-from bearslam.io.files import kind
+from bearslam.io.endings import ending_of
+from bearslam.io.text import printable
 from bearslam.io.view_names import moment
 from bearslam.plotting.ellipses import draw_ellipses
 from bearslam.plotting.geometry import central, extent, laid_over, moved, sight_lines, stretch
@@ -25,7 +26,6 @@ from bearslam.plotting.odometry_chains import Chains, chains
 from bearslam.plotting.rays import draw_outliers, draw_rays
 from bearslam.plotting.style import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Look, colors, shrunk
 from bearslam.plotting.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
-from bearslam.reconstruction import outliers
 
 try:
     import matplotlib as mpl
@@ -38,8 +38,6 @@ except ImportError:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from bearslam.reconstruction import Reconstruction
 
 __all__ = [
     "ESTIMATE",
@@ -75,7 +73,7 @@ FEW = 50
 """Landmarks above which their markers shrink."""
 
 
-def plot(result: Reconstruction, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
+def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
     """Draw a reconstruction; see `Reconstruction.plot`."""
     if ax is None:
         import matplotlib.pyplot as plt
@@ -233,7 +231,7 @@ def finish(ax: Axes, unit: str) -> None:
         ax.spines[side].set_visible(False)
 
 
-def draw_to_file(result: Reconstruction, path: str | os.PathLike[str], truth: MapLike | None = None) -> None:
+def draw_to_file(result: Estimate, path: str | os.PathLike[str], truth: MapLike | None = None) -> None:
     """Draw a reconstruction into a file, over the truth where there is one."""
     from matplotlib.figure import Figure
 
@@ -248,7 +246,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, cropped: bool =
 
     The same figure gives the same bytes.
     """
-    suffix = kind(path, FORMATS)
+    suffix = ending_of(path, FORMATS)
     undated: dict[str, dict[str, str | None]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with (
         mpl.rc_context({"svg.hashsalt": "bearslam"}),

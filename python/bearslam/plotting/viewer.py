@@ -6,29 +6,25 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from itertools import compress
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.cli.report import printable
 from bearslam.data.checks import FloatArray
+from bearslam.data.estimate import Estimate, outliers
 from bearslam.data.maps import Map, MapLike, pick
 from bearslam.io.atomic import replacing
-from bearslam.io.files import kind
+from bearslam.io.endings import ending_of
+from bearslam.io.text import printable
 from bearslam.plotting.geometry import central, extent, laid_over, sight_lines
 from bearslam.plotting.odometry_chains import Chains, chains, closed, pieces
 from bearslam.plotting.style import ESTIMATE, RAY, TRUTH, WRONG, colors
-from bearslam.reconstruction import outliers
 
 try:
     import rerun as rr
     import rerun.blueprint as rrb
 except ImportError:
     raise ImportError('the viewer needs rerun-sdk: pip install "bearslam[viewer]"') from None
-
-if TYPE_CHECKING:
-    from bearslam.reconstruction import Reconstruction
 
 __all__ = ["FORMATS", "view"]
 
@@ -41,10 +37,10 @@ HEADING = 0.03
 """Length of the arrow of a pose, as a share of the map; shorter where there are many."""
 
 
-def view(result: Reconstruction, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
+def view(result: Estimate, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
     """Show a reconstruction in the viewer, or record it; see `Reconstruction.view`."""
     if path is not None:
-        kind(path, FORMATS)
+        ending_of(path, FORMATS)
     shown = Map(result.poses, result.landmarks)
     target = None
     if truth is not None:
@@ -78,7 +74,7 @@ def _blueprint(shown: Map) -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Spatial2DView(origin="/", name="map", visual_bounds=bounds))
 
 
-def _record(recording: rr.RecordingStream, result: Reconstruction, shown: Map, truth: Map | None) -> None:
+def _record(recording: rr.RecordingStream, result: Estimate, shown: Map, truth: Map | None) -> None:
     views, landmarks = len(shown.poses), len(shown.landmarks)
     scale = extent(shown if truth is None else truth)
     paths = chains(result.odometry, views)
@@ -118,7 +114,7 @@ def _record(recording: rr.RecordingStream, result: Reconstruction, shown: Map, t
 
 
 def _steps(
-    recording: rr.RecordingStream, result: Reconstruction, shown: Map, wrong: NDArray[np.bool_], length: float
+    recording: rr.RecordingStream, result: Estimate, shown: Map, wrong: NDArray[np.bool_], length: float
 ) -> None:
     """What each view sees, on a timeline of views: nothing of it stays for the next."""
     views = len(shown.poses)

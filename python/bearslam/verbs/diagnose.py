@@ -9,11 +9,12 @@ from typing import Literal, TypeAlias, cast
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, Progress, observer
+from bearslam.data.checks import FloatArray, observer
 from bearslam.data.maps import MapLike, pick
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import ProblemLike
-from bearslam.data.request import Known
+from bearslam.data.request import Request
+from bearslam.progress import Progress
 
 __all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Severity", "diagnose", "diagnosed"]
 
@@ -230,7 +231,7 @@ def diagnose(
     >>> diagnosis.findings[0].advice
     'Add three sightings of a landmark off the line.'
     """
-    known = Known(
+    request = Request(
         problem,
         sigma,
         loss="squared",
@@ -241,15 +242,15 @@ def diagnose(
     )
     poses = points = None
     if reconstruction is not None:
-        poses, points = pick("reconstruction", reconstruction, known.table.views, known.table.landmarks)
-    return diagnosed(known, poses, points, progress)
+        poses, points = pick("reconstruction", reconstruction, request.table.views, request.table.landmarks)
+    return diagnosed(request, poses, points, progress)
 
 
 def diagnosed(
-    known: Known, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
+    request: Request, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
 ) -> Diagnosis:
     """The diagnosis of what is known, at a map or at one that is looked for."""
-    raw = _core.diagnose(known.raw, poses, points, observer(progress))
+    raw = _core.diagnose(request.raw, poses, points, observer(progress))
     return Diagnosis(
         views=raw["views"],
         landmarks=raw["landmarks"],

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from bearslam import _core
 from bearslam.data.checks import SEED_LIMIT, FloatArray, choice, floats, real, whole
 from bearslam.data.priors import Odometry
-from bearslam.data.problem import Sightings
+from bearslam.data.sightings import Sightings
 from bearslam.errors import InvalidInputError
 
 __all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]

@@ -3,27 +3,24 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
-
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import Progress, observer
+from bearslam.data.checks import observer
 from bearslam.data.maps import MapLike, pick
+from bearslam.data.options import CovarianceFrame, Loss, Method, frame, refinement, search
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem, ProblemLike
-from bearslam.data.request import LOSSES, METHODS, Known, frame, ranked, refinement, search, wrapped
+from bearslam.data.request import Request
 from bearslam.errors import DegenerateError, InvalidInputError
-from bearslam.reconstruction import CovarianceFrame, Reconstruction
+from bearslam.progress import Progress
+from bearslam.reconstruction import Reconstruction, best_with_alternatives, from_core
 from bearslam.verbs.diagnose import diagnosed
 
-__all__ = ["LOSSES", "METHODS", "Loss", "Method", "initialize", "refine", "solve"]
+__all__ = ["initialize", "refine", "solve"]
 
 NO_FRAME = "odometry and priors leave free"
 """What a `DegenerateError` says of covariances in the frame "priors" when there is no such frame."""
-
-Method: TypeAlias = Literal["search", "calibrated", "projective", "incremental", "global"]
-Loss: TypeAlias = Literal["squared", "huber", "cauchy", "truncated"]
 
 
 def solve(
@@ -171,7 +168,7 @@ def solve(
     Traceback (most recent call last):
     bearslam.errors.InvalidInputError: ...
     """
-    known = Known(
+    request = Request(
         problem,
         sigma,
         loss=loss,
@@ -188,15 +185,15 @@ def solve(
         loss=loss, loss_scale=loss_scale, max_iterations=max_iterations, damping=damping, tolerance=tolerance
     )
     if how["robust"]:
-        known.require_sigma("robust=True")
+        request.require_sigma("robust=True")
     try:
-        raws = _core.solve(known.raw, how, refining, wanted, observer(progress))
+        raws = _core.solve(request.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
         # With outliers no map tells about the geometry; where only the frame is none, the map is as good as it was.
         if not robust and NO_FRAME not in error.quantity:
-            error.diagnosis = diagnosed(known, None, None, progress)
+            error.diagnosis = diagnosed(request, None, None, progress)
         raise
-    return ranked(known, raws)
+    return best_with_alternatives(request, raws)
 
 
 def initialize(
@@ -244,14 +241,14 @@ def initialize(
     True
     """
     bearings = problem.bearings_only() if isinstance(problem, Problem) else problem
-    known = Known(bearings, sigma, loss=loss, oriented=oriented)
+    request = Request(bearings, sigma, loss=loss, oriented=oriented)
     raws = _core.initialize(
-        known.raw,
+        request.raw,
         search(method=method, triples=triples, grown=grown, seed=seed),
         refinement(loss=loss, loss_scale=loss_scale),
         observer(progress),
     )
-    return ranked(known, raws)
+    return best_with_alternatives(request, raws)
 
 
 def refine(
@@ -307,7 +304,7 @@ def refine(
     >>> result.converged
     True
     """
-    known = Known(
+    request = Request(
         problem,
         sigma,
         loss=loss,
@@ -320,9 +317,9 @@ def refine(
         start = problem.start if isinstance(problem, Problem) else None
     if start is None:
         raise InvalidInputError("start: expected a map to start at, for the problem comes with none; solve needs none")
-    guess = pick("start", start, known.table.views, known.table.landmarks)
+    guess = pick("start", start, request.table.views, request.table.landmarks)
     raw = _core.refine(
-        known.raw,
+        request.raw,
         guess.poses,
         guess.landmarks,
         refinement(
@@ -331,4 +328,4 @@ def refine(
         frame(covariance),
         observer(progress),
     )
-    return wrapped(known, raw)
+    return from_core(request, raw)

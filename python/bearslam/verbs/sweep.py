@@ -11,14 +11,14 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from bearslam.data.checks import SEED_LIMIT, IntArray, Progress, quote, whole
+from bearslam.data.checks import SEED_LIMIT, IntArray, quote, whole
 from bearslam.errors import ExecutorError, InvalidInputError
 from bearslam.montecarlo.checkpoint import Checkpoint
 from bearslam.montecarlo.executors import HaltedError, run_here, run_on
 from bearslam.montecarlo.grid import Grid, Start, chunk_size, cut
 from bearslam.montecarlo.ledger import Ledger
-from bearslam.montecarlo.result import SweepResult
-from bearslam.progress import telling
+from bearslam.montecarlo.sweep_result import SweepResult
+from bearslam.progress import Progress, telling
 from bearslam.verbs.simulate import Layout
 
 __all__ = ["sweep"]
