@@ -78,3 +78,7 @@ __all__ = [
     "triangulate",
     "trifocal_tensor",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -12,6 +12,7 @@ import pytest
 import bearslam
 from bearslam import InvalidInputError
 from bearslam.cli import main
+from bearslam.data.maps import compare
 from bearslam.io.mrclam import OdometryNoise, read
 
 T0 = 1248446190.0
@@ -149,7 +150,7 @@ def test_noise_grows_as_documented(folder):
 def test_five_lines_solve_it(folder):
     problem = bearslam.load(folder)
     result = bearslam.solve(problem)
-    errors = bearslam.maps.compare(result, bearslam.load_truth(folder, problem))
+    errors = compare(result, bearslam.load_truth(folder, problem))
     assert errors.landmark < 1e-3
     assert errors.position < 1e-3
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from decimal import Decimal
-from functools import partial
 
 import numpy as np
 
@@ -24,11 +22,22 @@ from bearslam.data.normalize import normalize
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import InvalidInputError
-from bearslam.io.graph_builder import Assembly, Spread, independent
-from bearslam.io.information import INDEX, covariance, information, informations, is_diagonal, sigma
+from bearslam.io.edge_noise import (
+    EdgeNoise,
+    diagonal_of,
+    from_information,
+    full_matrix,
+    in_map_axes,
+    independent,
+    noise_of_rows,
+    to_information,
+    upper_triangle,
+)
+from bearslam.io.graph_builder import Assembly
+from bearslam.io.information import information, is_diagonal, sigma
 from bearslam.io.text import decode, identifier, numbered, numbers
 
-__all__ = ["TAG", "TAGS", "from_information", "parse", "render"]
+__all__ = ["TAG", "TAGS", "parse", "render"]
 
 TAGS = {
     "VERTEX_SE2": (1, 3),
@@ -101,25 +110,6 @@ def _assembled(data: bytes, name: str) -> Assembly:
     return graph
 
 
-def from_information(texts: tuple[str, ...], where: str, *, unknown: bool = False) -> Spread:
-    """The noise of an edge from the upper triangle of its information; 0 is for what is `unknown`."""
-    if is_diagonal([Decimal(text) for text in texts]):
-        diagonal = [texts[row[i]] for i, row in enumerate(INDEX[len(texts)])]
-        for text in diagonal:
-            if not (float(text) > 0 or (unknown and float(text) == 0)):
-                raise InvalidInputError(f"{where}: expected information above 0, got {quote(text)}")
-        deviations = tuple(math.inf if float(text) == 0 else sigma(text) for text in diagonal)
-        return independent(deviations, partial(_upper, texts), where)
-    upper = covariance(texts)
-    if upper is None:
-        raise InvalidInputError(f"{where}: expected information that is positive definite, got {' '.join(texts)}")
-    return Spread(None, lambda: upper)
-
-
-def _upper(texts: tuple[str, ...]) -> tuple[float, ...]:
-    return covariance(texts) or ()
-
-
 def _vertex(graph: Assembly, line: int, key: str, values: Sequence[float], said: Sequence[str], comment: str) -> None:
     if len(values) == 3:
         graph.pose(line, key, tuple(values))
@@ -156,7 +146,7 @@ def _edge(
     if said:
         spread = _said(said, turn, values[size:], where)
     else:
-        spread = _turned(from_information(texts[size:], where, unknown=prior), turn, where)
+        spread = in_map_axes(from_information(texts[size:], where, unknown=prior), turn, where)
     if tag == "EDGE_SE2":
         graph.motion(line, (ends[0], ends[1]), place, spread)
     elif tag == "EDGE_SE2_XY":
@@ -167,28 +157,7 @@ def _edge(
         graph.point_prior(line, ends[0], place, spread)
 
 
-def _turned(spread: Spread, turn: float, where: str) -> Spread:
-    """Noise along the axes of a known pose as noise along the axes of the map."""
-    deviations = spread.sigma
-    if turn == 0 or (deviations is not None and deviations[0] == deviations[1]):
-        return spread
-    if deviations is not None and math.inf in deviations[:2]:
-        raise InvalidInputError(
-            f"{where}: expected information on both x and y or on neither, as the pose is turned: bearslam has "
-            "standard deviations along the axes of the map"
-        )
-    if deviations is not None and math.isinf(deviations[2]):
-        raise InvalidInputError(
-            f"{where}: expected the same information on x and y, as the pose is turned and nothing is known of its "
-            "heading: bearslam has standard deviations along the axes of the map"
-        )
-    local = _matrix(spread.upper())
-    axes = _axes(turn)
-    upper = tuple(_triangle(axes @ local @ axes.T))
-    return Spread(None, lambda: upper)
-
-
-def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str) -> Spread:
+def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str) -> EdgeNoise:
     """Noise from a comment, if it is that of the edge."""
     kind, texts = said[0], said[1:]
     size = 3 if len(stated) == 6 else 2
@@ -200,38 +169,22 @@ def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str)
         )
     numbers([text for text in texts if text != "inf" or kind != "sigma"], where)
     noise = tuple(map(float, texts))
-    if not all(value > 0 for value in _diagonal(kind, noise)):
+    if not all(value > 0 for value in diagonal_of(kind, noise)):
         raise InvalidInputError(f"{where}: expected numbers above 0 in the comment of bearslam, got {min(noise):g}")
     try:
-        again, _ = _stated(kind, noise, turn)
+        again, _ = to_information(kind, noise, turn)
     except ArithmeticError as error:
         raise InvalidInputError(f"{where}: {error}") from None
-    matrix, other = _matrix(stated), _matrix(list(map(float, again)))
+    matrix, other = full_matrix(stated), full_matrix(list(map(float, again)))
     scale = np.sqrt(np.diag(matrix).clip(0))
     scale[:2] = scale[:2].max()
     if not (np.abs(matrix - other) <= AGREEMENT * np.outer(scale, scale)).all():
         raise InvalidInputError(f"{where}: expected the information that the comment of bearslam says, got other")
     if kind == "sigma":
-        return independent(noise, lambda: tuple(_triangle(np.diag(np.square(noise)))), where)
+        return independent(noise, lambda: tuple(upper_triangle(np.diag(np.square(noise)))), where)
     if is_diagonal(noise):
-        return independent(tuple(map(math.sqrt, _diagonal(kind, noise))), lambda: noise, where)
-    return Spread(None, lambda: noise)
-
-
-def _stated(kind: str, noise: tuple[float, ...], turn: float) -> tuple[tuple[str, ...], bool]:
-    """The information of noise along the axes of a pose that is turned, and whether it comes back from that."""
-    if kind == "sigma":
-        diagonal = ["0" if math.isinf(value) else information(value) for value in noise]
-        texts = tuple(diagonal[i] if i == j else "0" for i in range(len(noise)) for j in range(i, len(noise)))
-        if turn == 0 or noise[0] == noise[1]:
-            return texts, True
-    else:
-        texts, exact = informations(noise)
-        if turn == 0:
-            return texts, exact
-    axes = _axes(turn)
-    local = axes.T @ _matrix(list(map(float, texts))) @ axes
-    return tuple(map(repr, _triangle(local))), False
+        return independent(tuple(map(math.sqrt, diagonal_of(kind, noise))), lambda: noise, where)
+    return EdgeNoise(None, lambda: noise)
 
 
 def render(what: Estimate | ProblemLike) -> str:
@@ -250,15 +203,15 @@ def render(what: Estimate | ProblemLike) -> str:
     lines = list(_vertices("VERTEX_SE2", view_keys, starts[0], problem.view_ids if named else None))
     lines += _vertices("VERTEX_XY", landmark_keys, starts[1], problem.landmark_ids if named else None)
     if (odometry := problem.odometry) is not None:
-        motions = zip(odometry.start, odometry.end, odometry.delta.tolist(), _noises(odometry.sigma), strict=True)
+        motions = zip(odometry.start, odometry.end, odometry.delta.tolist(), noise_of_rows(odometry.sigma), strict=True)
         for start, end, delta, noise in motions:
             lines.append(_line(f"EDGE_SE2 {view_keys[start]} {view_keys[end]}", delta, noise))
     lines += _sightings(seen, problem.offsets, view_keys, landmark_keys)
     if (poses := problem.pose_priors) is not None:
-        for i, pose, noise in zip(poses.view, poses.pose.tolist(), _noises(poses.sigma), strict=True):
+        for i, pose, noise in zip(poses.view, poses.pose.tolist(), noise_of_rows(poses.sigma), strict=True):
             lines.append(_line(f"EDGE_PRIOR_SE2 {view_keys[i]}", pose, noise, pose[2]))
     if (points := problem.landmark_priors) is not None:
-        for j, place, noise in zip(points.landmark, points.position.tolist(), _noises(points.sigma), strict=True):
+        for j, place, noise in zip(points.landmark, points.position.tolist(), noise_of_rows(points.sigma), strict=True):
             lines.append(_line(f"EDGE_PRIOR_XY {landmark_keys[j]}", place, noise))
     lines += [f"FIX {view_keys[i]}" for i in problem.fixed_views]
     lines += [f"FIX {landmark_keys[j]}" for j in problem.fixed_landmarks]
@@ -361,7 +314,7 @@ def _sightings(
                     f"as g2o states both in one, got {ours[k]:.17g}; leave the offsets out"
                 )
         ranged = dict(
-            zip(index.tolist(), zip(offsets.position.tolist(), _noises(offsets.sigma), strict=True), strict=True)
+            zip(index.tolist(), zip(offsets.position.tolist(), noise_of_rows(offsets.sigma), strict=True), strict=True)
         )
     arrays = (seen.view.tolist(), seen.landmark.tolist(), seen.bearing.tolist(), seen.sigma.tolist())
     for k, (i, j, bearing, deviation) in enumerate(zip(*arrays, strict=True)):
@@ -376,41 +329,11 @@ def _sightings(
 
 def _line(start: str, values: Sequence[float], noise: tuple[str, tuple[float, ...]], turn: float = 0.0) -> str:
     try:
-        texts, exact = _stated(*noise, turn)
+        texts, exact = to_information(*noise, turn)
     except ArithmeticError as error:
         raise InvalidInputError(f"{start}: {error}") from None
     line = f"{start} {_join(values)} {' '.join(texts)}"
     return line if exact else f"{line}  # bearslam {noise[0]} {_join(noise[1])}"
-
-
-def _noises(deviations: FloatArray) -> list[tuple[str, tuple[float, ...]]]:
-    """Standard deviations as they are, and so covariances without correlations; others as upper triangles."""
-    if deviations.ndim == 3:
-        size = deviations.shape[1]
-        if deviations[:, ~np.eye(size, dtype=bool)].any():
-            symmetric = (deviations + deviations.transpose(0, 2, 1)) / 2
-            rows, columns = np.triu_indices(size)
-            return [("covariance", tuple(row)) for row in symmetric[:, rows, columns].tolist()]
-        deviations = np.sqrt(np.diagonal(deviations, axis1=1, axis2=2))
-    return [("sigma", tuple(row)) for row in deviations.tolist()]
-
-
-def _axes(turn: float) -> FloatArray:
-    cosine, sine = math.cos(turn), math.sin(turn)
-    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _matrix(upper: Sequence[float]) -> FloatArray:
-    return np.array([[upper[i] for i in row] for row in INDEX[len(upper)]])
-
-
-def _triangle(matrix: FloatArray) -> list[float]:
-    values: list[float] = matrix[np.triu_indices(len(matrix))].tolist()
-    return values
-
-
-def _diagonal(kind: str, noise: Sequence[float]) -> Sequence[float]:
-    return noise if kind == "sigma" else [noise[row[i]] for i, row in enumerate(INDEX[len(noise)])]
 
 
 def _join(values: Sequence[float]) -> str:

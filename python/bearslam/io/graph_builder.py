@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,32 +16,17 @@ from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem
 from bearslam.data.sightings import SIGMA_RANGE, Offsets, Sightings
 from bearslam.errors import InvalidInputError
+from bearslam.io.edge_noise import EdgeNoise
 from bearslam.io.information import INDEX
 
-__all__ = ["Assembly", "Spread", "independent"]
-
-
-class Spread(NamedTuple):
-    """The noise of one edge: standard deviations, or None where there are correlations, and a way to its covariance."""
-
-    sigma: tuple[float, ...] | None
-    upper: Callable[[], tuple[float, ...]]
-
-
-def independent(sigma: tuple[float, ...], upper: Callable[[], tuple[float, ...]], where: str) -> Spread:
-    """Noise without correlations, if doubles hold the squares of its standard deviations; infinite ones may be."""
-    low, high = SIGMA_RANGE
-    for value in sigma:
-        if not (low <= value <= high or value == math.inf):
-            raise InvalidInputError(f"{where}: expected standard deviations from {low:g} to {high:g}, got {value:g}")
-    return Spread(sigma, upper)
+__all__ = ["Assembly"]
 
 
 class _Edge(NamedTuple):
     line: int
     ends: tuple[str, ...]
     values: tuple[float, ...]
-    spread: Spread
+    spread: EdgeNoise
 
 
 class Assembly:
@@ -88,7 +73,7 @@ class Assembly:
         self._vertex(self.points, line, key, values)
         self._landmark(line, key)
 
-    def motion(self, line: int, ends: tuple[str, str], delta: tuple[float, ...], spread: Spread) -> None:
+    def motion(self, line: int, ends: tuple[str, str], delta: tuple[float, ...], spread: EdgeNoise) -> None:
         """An edge between two poses."""
         if ends[0] == ends[1]:
             raise InvalidInputError(f"{self.where(line)}: expected an edge between two poses, got {ends[0]} twice")
@@ -114,7 +99,7 @@ class Assembly:
                 f"{self.where(line)}: expected a bearing in radians within one turn, got {bearing:g}: degrees?"
             )
 
-    def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: Spread) -> None:
+    def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: EdgeNoise) -> None:
         """A sighting that is a position in the frame of the pose."""
         self._sighting(line, ends)
         low, high = SIGMA_RANGE
@@ -128,12 +113,12 @@ class Assembly:
         self._offsets[len(self._bearings)] = _Edge(line, ends, position, spread)
         self._bearings.append((np.nan, np.nan))
 
-    def pose_prior(self, line: int, key: str, pose: tuple[float, ...], spread: Spread) -> None:
+    def pose_prior(self, line: int, key: str, pose: tuple[float, ...], spread: EdgeNoise) -> None:
         """An edge that holds a pose."""
         self._view(line, key)
         self._pose_priors.append(_Edge(line, (key,), pose, spread))
 
-    def point_prior(self, line: int, key: str, position: tuple[float, ...], spread: Spread) -> None:
+    def point_prior(self, line: int, key: str, position: tuple[float, ...], spread: EdgeNoise) -> None:
         """An edge that holds a landmark."""
         self._landmark(line, key)
         self._point_priors.append(_Edge(line, (key,), position, spread))

@@ -15,28 +15,26 @@ Landmark_Groundtruth.dat   subject, x [m], y [m], standard deviations of x and y
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.data.align import wrap
 from bearslam.data.checks import FloatArray, IntArray, quote, real, whole
 from bearslam.data.priors import Odometry
 from bearslam.data.problem import Problem
-from bearslam.data.sightings import SIGMA_RANGE, Sightings, deviations
+from bearslam.data.sightings import Sightings, deviations
 from bearslam.errors import InvalidInputError
-from bearslam.io.compression import decompressed
-from bearslam.io.text import decode
+from bearslam.io.dead_reckoning import NOISE, OdometryNoise, checked_noise, dead_reckoning
+from bearslam.io.number_table import TIME, read_table, table_path
 from bearslam.io.view_names import name_of
 
-__all__ = ["ROBOTS", "SIGMA", "OdometryNoise", "Table", "read", "read_table"]
+__all__ = ["ROBOTS", "SIGMA", "OdometryNoise", "read"]
 
 ROBOTS = range(1, 6)
 """Subjects that are robots."""
@@ -44,52 +42,12 @@ SIGMA = math.radians(0.3)
 """Standard deviation of a bearing [rad]. In set 7 bearings miss the truth by 0.52 degrees, robustly, most of which all
 those of an image have in common, as if it had another heading; 0.2 degrees are each bearing's own. In between, as good
 as any."""
-TIME = 1e12
-"""Times beyond are none [s]."""
 TURN = 2 * math.pi
 """Bearings beyond one turn either way: degrees, most likely."""
 COMMAND = 1e3
 """Velocities beyond are none [m/s, rad/s]."""
 UNKNOWN = -1
 """Subject of barcodes that nobody knows."""
-
-Entry = TypeVar("Entry", bound=np.generic)
-
-
-class OdometryNoise(NamedTuple):
-    """How uncertain a motion is that took `t` seconds over `d` metres and turned by `a` radians, there and back added.
-
-    The standard deviation of x and y is ``sqrt(position_time^2 t + position_distance^2 d)``, that of the heading
-    ``sqrt(heading_time^2 t + heading_turn^2 a)``: random walks, so that two motions in a row are as uncertain as the
-    one that they make. The defaults are from set 7 against motion capture: errors of motions of 0.3 to 4 seconds,
-    over these, have a root mean square of 0.4 to 1.0 along x, of less across, and of 0.8 to 0.9 in heading, with the
-    logged turns 4 to 6 % too large as they are there.
-    """
-
-    position_time: float = 0.01
-    position_distance: float = 0.06
-    heading_time: float = 0.025
-    heading_turn: float = 0.08
-
-
-NOISE = OdometryNoise()
-"""That of set 7."""
-
-
-class Table(NamedTuple):
-    """Numbers of a file (k, columns), and what it takes to say on which line they are."""
-
-    name: str
-    text: str
-    values: FloatArray
-
-    def line(self, row: int) -> int:
-        """Number of the line of a row."""
-        return [number for number, _ in _lines(self.text)][row]
-
-    def error(self, row: int, message: str) -> InvalidInputError:
-        """What is wrong with a row."""
-        return InvalidInputError(f"{self.name}:{self.line(row)}: {message}")
 
 
 class Log(NamedTuple):
@@ -174,7 +132,7 @@ def read(
     window, every = real("window", window, 0.0, TIME), real("every", every, 0.0, TIME)
     delay = real("odometry_delay", odometry_delay, -TIME, TIME)
     scale = real("turn_scale", turn_scale, 0.0, COMMAND, above=True)
-    noise = _noise(odometry_noise)
+    noise = checked_noise(odometry_noise)
     spread = float(deviations(sigma, (1,))[0])
     subjects = _barcodes(folder)
     logs = _logs(folder, subjects)
@@ -221,122 +179,16 @@ def read(
     )
 
 
-def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> Table:
-    """Numbers of one file of a folder, all finite, the first column in order if it is the time."""
-    path = _path(folder, name)
-    if path is None:
-        raise InvalidInputError(
-            f"{os.fspath(folder)}: expected a file {name} or {name}.gz, as a UTIAS MRCLAM data set has, got neither"
-        )
-    text = _text(path)
-    shown = os.fspath(path)
-    values = _numbers(shown, text, columns)
-    table = Table(shown, text, values)
-    bad = ~np.isfinite(values)
-    if bad.any():
-        row, column = np.argwhere(bad)[0].tolist()
-        raise table.error(row, f"expected a finite number as {columns[column]}, got {values[row, column]:g}")
-    if len(values) == 0:
-        raise InvalidInputError(f"{shown}: expected lines of {len(columns)} numbers ({', '.join(columns)}), got none")
-    if columns[0] == "time":
-        time = values[:, 0]
-        _check(table, np.abs(time) > TIME, "expected a time in seconds, got {0:g}")
-        back = np.flatnonzero(np.diff(time) < 0)
-        if len(back):
-            row = int(back[0]) + 1
-            raise table.error(
-                row, f"expected a time not before that of the line above, {time[row - 1]}, got {time[row]}"
-            )
-    return table
-
-
-def _path(folder: Path, name: str) -> Path | None:
-    return next((path for path in (folder / name, folder / f"{name}.gz") if path.exists()), None)
-
-
-def _text(path: Path) -> str:
-    data = path.read_bytes()
-    if path.suffix == ".gz":
-        data = decompressed(data, os.fspath(path))
-    return decode(data, os.fspath(path))
-
-
-def _numbers(name: str, text: str, columns: tuple[str, ...]) -> FloatArray:
-    """NumPy reads fast, but says nothing of lines; what it does not take is read again, line by line."""
-    lines = _lines(text)
-    if not lines:
-        return np.empty((0, len(columns)))
-    values: FloatArray
-    try:
-        values = np.loadtxt([line for _, line in lines], ndmin=2)
-        if values.shape[1] == len(columns):
-            return values
-        trouble = f"got {values.shape[1]} columns"
-    except ValueError as error:
-        trouble = str(error)
-    for number, line in lines:
-        cells = line.split()
-        if len(cells) != len(columns):
-            raise InvalidInputError(
-                f"{name}:{number}: expected {len(columns)} numbers ({', '.join(columns)}), got {quote(line)}"
-            )
-        for column, cell in zip(columns, cells, strict=True):
-            if not _is_number(cell):
-                raise InvalidInputError(f"{name}:{number}: expected a number as {column}, got {quote(cell)}")
-    raise InvalidInputError(f"{name}: expected lines of {len(columns)} numbers ({', '.join(columns)}): {trouble}")
-
-
-def _is_number(cell: str) -> bool:
-    """Whether NumPy takes it for one: Python's float takes more."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return cell.isascii() and "_" not in cell
-
-
-def _lines(text: str) -> list[tuple[int, str]]:
-    """Lines with numbers on them, without comments."""
-    stripped = (line.partition("#")[0].strip() for line in io.StringIO(text, newline=None))
-    return [(number, line) for number, line in enumerate(stripped, start=1) if line]
-
-
-def _check(table: Table, bad: NDArray[np.bool_], message: str) -> None:
-    """Refuse the first bad row: the message has its numbers."""
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise table.error(row, message.format(*table.values[row].tolist()))
-
-
-def _noise(given: OdometryNoise | tuple[float, float, float, float]) -> OdometryNoise:
-    try:
-        values = tuple(given)
-    except TypeError:
-        values = ()
-    if len(values) != len(OdometryNoise._fields):
-        raise InvalidInputError(f"odometry_noise: expected four numbers, got {quote(given)}")
-    names = OdometryNoise._fields
-    low, high = SIGMA_RANGE
-    return OdometryNoise(
-        *(
-            real(f"odometry_noise: {name}", value, low if name.endswith("time") else 0.0, high)
-            for name, value in zip(names, values, strict=True)
-        )
-    )
-
-
 def _barcodes(folder: Path) -> dict[int, int]:
     """Subject of every barcode."""
     table = read_table(folder, "Barcodes.dat", ("subject", "barcode"))
-    _check(table, (table.values % 1).max(axis=1) > 0, "expected whole numbers, got {0:g} and {1:g}")
-    _check(
-        table, ~((table.values[:, 0] >= 1) & (table.values[:, 0] < 2**31)), "expected a subject from 1 on, got {0:g}"
-    )
+    table.refuse((table.values % 1).max(axis=1) > 0, "expected whole numbers, got {0:g} and {1:g}")
+    table.refuse(~((table.values[:, 0] >= 1) & (table.values[:, 0] < 2**31)), "expected a subject from 1 on, got {0:g}")
     for column, name in enumerate(("subject", "barcode")):
         _, firsts = np.unique(table.values[:, column], return_index=True)
         again = np.ones(len(table.values), dtype=bool)
         again[firsts] = False
-        _check(table, again, f"expected every {name} once, got {{{column}:g}} again")
+        table.refuse(again, f"expected every {name} once, got {{{column}:g}} again")
     return {int(barcode): int(subject) for subject, barcode in table.values}
 
 
@@ -345,13 +197,13 @@ def _logs(folder: Path, subjects: dict[int, int]) -> list[Log]:
     logs = []
     for robot in ROBOTS:
         name = f"Robot{robot}_Measurement.dat"
-        if _path(folder, name) is None:
+        if table_path(folder, name) is None:
             continue
         table = read_table(folder, name, ("time", "barcode", "range", "bearing"))
         time, barcode, distance, bearing = table.values.T
-        _check(table, barcode % 1 != 0, "expected a whole number as barcode, got {1:g}")
-        _check(table, distance < 0, "expected a range of at least 0, got {2:g}")
-        _check(table, np.abs(bearing) > TURN, "expected radians within one turn as bearing, got {3:g}")
+        table.refuse(barcode % 1 != 0, "expected a whole number as barcode, got {1:g}")
+        table.refuse(distance < 0, "expected a range of at least 0, got {2:g}")
+        table.refuse(np.abs(bearing) > TURN, "expected radians within one turn as bearing, got {3:g}")
         subject = np.array([subjects.get(code, UNKNOWN) for code in barcode.tolist()])
         logs.append(Log(robot, time, subject, bearing))
     if not logs:
@@ -393,32 +245,11 @@ def _views(
 def _motions(
     folder: Path, robot: int, times: FloatArray, delay: float, scale: float, noise: OdometryNoise
 ) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
-    """Motions from each view to the next: whether the log has them, what they are (k, 3), and how uncertain (k, 3)."""
+    """Motions of one robot from each view to the next, as `dead_reckoning` returns them."""
     table = read_table(folder, f"Robot{robot}_Odometry.dat", ("time", "forward velocity", "angular velocity"))
-    _check(table, np.abs(table.values[:, 1:]).max(axis=1) > COMMAND, "expected velocities, got {1:g} and {2:g}")
-    begin = table.values[:, 0] + delay
-    covered = (times >= begin[0]) & (times <= begin[-1])
-    # Between these times the command is one: the robot goes along an arc.
-    ticks = np.union1d(begin, times)
-    command = np.maximum(np.searchsorted(begin, ticks[:-1], side="right") - 1, 0)
-    duration = np.diff(ticks)
-    path, turn = table.values[command, 1] * duration, scale * table.values[command, 2] * duration
-    heading = _sums(turn)
-    step = path * np.sinc(turn / (2 * np.pi)) * np.exp(1j * (heading[:-1] + turn / 2))  # chord of the arc
-    place, distance, turned = _sums(step), _sums(np.abs(path)), _sums(np.abs(turn))
-    at = np.searchsorted(ticks, times)
-    moved = np.diff(place[at]) * np.exp(-1j * heading[at[:-1]])
-    delta = np.column_stack([moved.real, moved.imag, wrap(np.diff(heading[at]))])
-    t = np.diff(times)
-    position = np.sqrt(noise.position_time**2 * t + noise.position_distance**2 * np.diff(distance[at]))
-    angle = np.sqrt(noise.heading_time**2 * t + noise.heading_turn**2 * np.diff(turned[at]))
-    return covered[:-1] & covered[1:], delta, np.column_stack([position, position, angle])
-
-
-def _sums(values: NDArray[Entry]) -> NDArray[Entry]:
-    """Sums of the first none, one, two and so on."""
-    sums: NDArray[Entry] = np.concatenate([np.zeros(1, dtype=values.dtype), np.cumsum(values)])
-    return sums
+    table.refuse(np.abs(table.values[:, 1:]).max(axis=1) > COMMAND, "expected velocities, got {1:g} and {2:g}")
+    time, forward, angular = table.values.T
+    return dead_reckoning(time + delay, forward, scale * angular, times, noise)
 
 
 def _remarks(left_out: Counter[str], every: float) -> list[str]:

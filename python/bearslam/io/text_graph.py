@@ -29,9 +29,9 @@ from bearslam.data.checks import choice, quote
 from bearslam.data.problem import Problem
 from bearslam.errors import InvalidInputError
 from bearslam.io import g2o
-from bearslam.io.g2o import TAG, from_information
-from bearslam.io.graph_builder import Assembly, Spread, independent
-from bearslam.io.information import INDEX, is_diagonal
+from bearslam.io.edge_noise import from_covariance, from_information
+from bearslam.io.g2o import TAG
+from bearslam.io.graph_builder import Assembly
 from bearslam.io.text import decode, identifier, numbered, numbers
 
 __all__ = ["NOISES", "TAGS", "NoiseFormat", "parse"]
@@ -80,7 +80,7 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
                 if tag == "BR":
                     graph.check_turn(line, values[0])
                 place, upper = (values[:2], values[2:]) if tag == "LANDMARK" else _polar(values, where)
-                graph.offset(line, (ends[0], ends[1]), place, _from_covariance(upper, where))
+                graph.offset(line, (ends[0], ends[1]), place, from_covariance(upper, where))
         elif tag in g2o.TAGS or tag == "FIX":
             raise InvalidInputError(
                 f"{where}: expected tags of a text graph, got {tag} of g2o; read these as format='g2o'"
@@ -102,7 +102,7 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
             layout = guess
         ordered = texts if layout in ("g2o", "cov") else tuple(texts[i] for i in FROM_TORO)
         if layout in ("graph", "cov"):
-            spread = _from_covariance(tuple(map(float, ordered)), where)
+            spread = from_covariance(tuple(map(float, ordered)), where)
         else:
             spread = from_information(ordered, where)
         graph.motion(line, ends, delta, spread)
@@ -120,15 +120,6 @@ def _guess(texts: tuple[str, ...], where: str) -> NoiseFormat:
         f"{where}: the numbers {' '.join(texts)} do not tell what they are; say it by noise: 'toro' (information "
         "xx xy yy tt xt yt), 'g2o' (information xx xy xt yy yt tt), 'graph' or 'cov' (covariances in these orders)"
     )
-
-
-def _from_covariance(upper: tuple[float, ...], where: str) -> Spread:
-    diagonal = [upper[row[i]] for i, row in enumerate(INDEX[len(upper)])]
-    if not all(value > 0 for value in diagonal):
-        raise InvalidInputError(f"{where}: expected variances above 0, got {min(diagonal):g}")
-    if is_diagonal(upper):
-        return independent(tuple(map(math.sqrt, diagonal)), lambda: upper, where)
-    return Spread(None, lambda: upper)
 
 
 def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -17,7 +17,8 @@ from bearslam.data.problem import ProblemLike
 from bearslam.errors import InvalidInputError
 from bearslam.io import map_file
 from bearslam.io.map_file import Points
-from bearslam.io.mrclam import ROBOTS, read_table
+from bearslam.io.mrclam import ROBOTS
+from bearslam.io.number_table import read_table
 from bearslam.io.view_names import moment
 
 __all__ = ["load_truth"]
