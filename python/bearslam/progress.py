@@ -10,14 +10,14 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TextIO, TypeAlias
 
-__all__ = ["Progress", "ProgressLine", "telling"]
+__all__ = ["Progress", "ProgressLine", "reporting"]
 
 Progress: TypeAlias = Callable[[str, int, int], object]
 """Called with the stage, the steps done and the steps in all."""
 
 
 @contextmanager
-def telling(progress: bool | Progress | None, stage: str, done: int, total: int) -> Iterator[Callable[[int], object]]:
+def reporting(progress: bool | Progress | None, stage: str, done: int, total: int) -> Iterator[Callable[[int], object]]:
     """Something to call with the number of steps done: it tells a function about them, or shows a bar on a terminal."""
     if callable(progress):
         yield lambda now: progress(stage, now, total)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, Offsets, PosePriors, Problem, Sightings
-from bearslam.io.sensor_pose import mounted
+from bearslam.io.sensor_pose import in_sensor_frame
 from bearslam.io.text_graph import parse
 
 from .conftest import REPOSITORY
@@ -244,7 +244,7 @@ SENSOR = (1.5, -0.5, 0.4)
 
 
 def test_a_sensor_sees_what_it_should(vehicle):
-    moved = mounted(vehicle, SENSOR)
+    moved = in_sensor_frame(vehicle, SENSOR)
     poses, landmarks = vehicle.start
     cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     places = poses[:, :2] + np.column_stack([cosine * 1.5 + sine * 0.5, sine * 1.5 - cosine * 0.5])
@@ -261,7 +261,7 @@ def test_a_sensor_sees_what_it_should(vehicle):
 
 def test_covariances_are_those_of_the_sensor(vehicle):
     """Draws of the vehicle's motion and place, taken to the sensor one by one, scatter as the covariances say."""
-    moved = mounted(vehicle, SENSOR)
+    moved = in_sensor_frame(vehicle, SENSOR)
     rng = np.random.default_rng(2)
     noise = rng.normal(size=(200_000, 3)) * 1e-3
 
@@ -292,7 +292,7 @@ def test_there_and_back_again(vehicle):
     cosine, sine = math.cos(0.4), math.sin(0.4)
     x, y, turn = SENSOR
     back = (-cosine * x - sine * y, sine * x - cosine * y, -turn)
-    again = mounted(mounted(vehicle, SENSOR), back)
+    again = in_sensor_frame(in_sensor_frame(vehicle, SENSOR), back)
     np.testing.assert_allclose(again.sightings.bearing, vehicle.sightings.bearing, atol=1e-13)
     np.testing.assert_allclose(again.sightings.sigma, vehicle.sightings.sigma, rtol=1e-12)
     np.testing.assert_allclose(again.odometry.delta, vehicle.odometry.delta, atol=1e-13)
@@ -303,9 +303,9 @@ def test_there_and_back_again(vehicle):
 
 def test_bearings_alone_can_be_turned_but_not_moved():
     problem = Problem(Sightings([0, 0], [0, 1], [0.5, -0.5], 0.1), ["a"], ["b", "c"])
-    assert mounted(problem, (0, 0, 0.25)).sightings.bearing.tolist() == [0.25, -0.75]
+    assert in_sensor_frame(problem, (0, 0, 0.25)).sightings.bearing.tolist() == [0.25, -0.75]
     with pytest.raises(InvalidInputError, match="^sensor: expected ranges with all 2 bearings, got 0: without one"):
-        mounted(problem, (1, 0))
+        in_sensor_frame(problem, (1, 0))
 
 
 @pytest.mark.parametrize(
@@ -321,7 +321,7 @@ def test_bearings_alone_can_be_turned_but_not_moved():
 def test_sensors_that_are_none(sensor, message):
     problem = parse(b"LANDMARK 0 0 3 4 1 0 1\n", "one.graph")
     with pytest.raises(InvalidInputError, match=f"^{message}"):
-        mounted(problem, sensor)
+        in_sensor_frame(problem, sensor)
 
 
 def test_half_known_poses_do_not_move():
@@ -332,13 +332,13 @@ def test_half_known_poses_do_not_move():
             problem.sightings, "0", "1", offsets=problem.offsets, pose_priors=PosePriors([0], [[1, 2, 0.5]], sigma)
         )
 
-    compass = mounted(known([math.inf, math.inf, 0.02]), (1, 0)).pose_priors
+    compass = in_sensor_frame(known([math.inf, math.inf, 0.02]), (1, 0)).pose_priors
     assert compass.sigma.tolist() == [[math.inf, math.inf, 0.02]]
     assert compass.pose[0, 2] == 0.5
     for sigma in ([0.1, 0.1, math.inf], [math.inf, 0.1, 0.1]):
         with pytest.raises(InvalidInputError, match="^sensor: expected known poses of which all coordinates are known"):
-            mounted(known(sigma), (1, 0))
-        assert mounted(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
+            in_sensor_frame(known(sigma), (1, 0))
+        assert in_sensor_frame(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
 
 
 def test_views_come_in_the_order_of_the_file():

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bearslam.cli.report import columns
-from bearslam.data.maps import Errors, compare
+from bearslam.data.maps import Errors, compare, pick
 from bearslam.errors import DegenerateError
+from bearslam.plotting.geometry import aligned_to, extent, sight_lines
+from bearslam.plotting.style import ESTIMATE, LINEAR, PAPER, TRUTH
 from bearslam.reconstruction import Reconstruction
 from bearslam.verbs.simulate import Layout, Scene, simulate
 from bearslam.verbs.solve import initialize, solve
@@ -130,37 +132,38 @@ def picture(experiment: Experiment, scene: Scene, rows: Sequence[Row]) -> Figure
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from bearslam.data.maps import pick
-    from bearslam.plotting import map as plot
+    from bearslam.plotting.legend import legend
+    from bearslam.plotting.map import draw_map, draw_names, draw_offsets, finish
+    from bearslam.plotting.rays import draw_rays
 
     figure = Figure(figsize=(10.0, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     truth = pick("truth", scene)
-    scale = plot.extent(truth)
+    scale = extent(truth)
     for ax in (left, right):
         ax.add_patch(Rectangle((0, 0), WIDTH, HEIGHT, fill=False, edgecolor="#bfbfbf", linewidth=1.0, zorder=0.5))
-        truth_entry = plot.draw_map(ax, truth, plot.TRUTH, "truth", scale)
-        plot.finish(ax, "m")
+        truth_entry = draw_map(ax, truth, TRUTH, "truth", scale)
+        finish(ax, "m")
     entries = [truth_entry]
     *linear, refined = rows
-    for row, look in zip(linear, (plot.PAPER, plot.LINEAR), strict=True):
+    for row, style in zip(linear, (PAPER, LINEAR), strict=True):
         if isinstance(row.result, Reconstruction):
-            drawn = plot.laid_over(pick("linear", row.result), truth)
-            entries.append(plot.draw_map(left, drawn, look, row.name, scale))
-            plot.draw_offsets(left, truth, drawn, look)
+            drawn = aligned_to(pick("linear", row.result), truth)
+            entries.append(draw_map(left, drawn, style, row.name, scale))
+            draw_offsets(left, truth, drawn, style)
     if isinstance(refined.result, Reconstruction):
-        drawn = plot.laid_over(pick("refined", refined.result), truth)
-        lines = plot.sight_lines(drawn, refined.result.sightings)
-        entries.append(plot.draw_map(right, drawn, plot.ESTIMATE, "refined", scale))
-        entries.append(plot.draw_rays(right, lines, "measured bearing"))
-        plot.draw_offsets(right, truth, drawn, plot.ESTIMATE)
-        plot.draw_names(right, drawn, plot.ESTIMATE, scale, range(1, ROBOTS + 1), lines, truth)
+        drawn = aligned_to(pick("refined", refined.result), truth)
+        lines = sight_lines(drawn, refined.result.sightings)
+        entries.append(draw_map(right, drawn, ESTIMATE, "refined", scale))
+        entries.append(draw_rays(right, lines, "measured bearing"))
+        draw_offsets(right, truth, drawn, ESTIMATE)
+        draw_names(right, drawn, ESTIMATE, scale, range(1, ROBOTS + 1), lines, truth)
     left.set_title("(a) linear estimates", loc="left", fontsize=10)
     right.set_title("(b) refined estimate", loc="left", fontsize=10)
     right.set_ylabel("")
     left.set_xlim(-MARGIN, WIDTH + MARGIN)
     left.set_ylim(-MARGIN, HEIGHT + MARGIN)
-    figure.legend(**plot.legend(entries), loc="outside lower center", ncols=len(entries), fontsize=9)
+    figure.legend(**legend(entries), loc="outside lower center", ncols=len(entries), fontsize=9)
     figure.suptitle(f"{experiment.title}, bearings with {experiment.noise_deg:g}° noise", fontsize=11)
     return figure
 

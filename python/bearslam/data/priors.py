@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bearslam.data.checks import FloatArray, IntArray, floats, indices, plain
 from bearslam.errors import InvalidInputError
 
-__all__ = ["LandmarkPriors", "Odometry", "PosePriors", "keep", "noise"]
+__all__ = ["LandmarkPriors", "Odometry", "PosePriors", "noise", "set_read_only"]
 
 RANGE = (1e-100, 1e100)
 """Standard deviations whose squares, and theirs in turn, are numbers."""
@@ -63,7 +63,7 @@ class Odometry:
             raise InvalidInputError(
                 f"end[{where}]: expected another view than that of start, got {last[where]} for both"
             )
-        keep(
+        set_read_only(
             self,
             start=first,
             end=last,
@@ -114,7 +114,9 @@ class PosePriors:
     def __init__(self, view: ArrayLike, pose: ArrayLike, sigma: ArrayLike) -> None:
         index = indices("view", view)
         k = len(index)
-        keep(self, view=index, pose=floats("pose", pose, (k, 3)), sigma=noise("sigma", sigma, k, 3, unknown=True))
+        set_read_only(
+            self, view=index, pose=floats("pose", pose, (k, 3)), sigma=noise("sigma", sigma, k, 3, unknown=True)
+        )
 
     def __len__(self) -> int:
         return len(self.view)
@@ -157,7 +159,7 @@ class LandmarkPriors:
         index = indices("landmark", landmark)
         k = len(index)
         each = plain("sigma", sigma)
-        keep(
+        set_read_only(
             self,
             landmark=index,
             position=floats("position", position, (k, 2)),
@@ -171,7 +173,7 @@ class LandmarkPriors:
         return f"<LandmarkPriors: {len(self)} landmarks>"
 
 
-def keep(owner: object, **fields: IntArray | FloatArray) -> None:
+def set_read_only(owner: object, **fields: IntArray | FloatArray) -> None:
     """Set fields of a frozen dataclass to read-only copies."""
     for name, values in fields.items():
         own = values.copy()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bearslam.data.checks import FloatArray, IntArray, floats, indices, plain
-from bearslam.data.priors import keep, noise
+from bearslam.data.priors import noise, set_read_only
 from bearslam.errors import InvalidInputError
 
 __all__ = ["SIGMA_RANGE", "Offsets", "Sightings", "deviations"]
@@ -132,7 +132,7 @@ class Offsets:
         if nowhere.any():
             where = int(np.argmax(nowhere))
             raise InvalidInputError(f"position[{where}]: expected a landmark apart from the view, got one upon it")
-        keep(self, sighting=index, position=places, sigma=noise("sigma", sigma, k, 2))
+        set_read_only(self, sighting=index, position=places, sigma=noise("sigma", sigma, k, 2))
 
     def __len__(self) -> int:
         return len(self.sighting)

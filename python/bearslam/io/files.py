@@ -18,7 +18,7 @@ from bearslam.io import g2o, map_file, mrclam, sightings_csv, text_graph, tum
 from bearslam.io.atomic import replacing
 from bearslam.io.compression import GZIP, decompressed
 from bearslam.io.endings import ENDINGS, FORMATS, PROBLEMS, RESULTS, TRUTHS, Format, ending_of
-from bearslam.io.sensor_pose import mounted
+from bearslam.io.sensor_pose import in_sensor_frame
 from bearslam.io.text_graph import NoiseFormat
 
 __all__ = ["load", "save", "save_truth"]
@@ -127,7 +127,7 @@ def load(
         problem = text_graph.parse(data, name, "toro" if toro else noise)
     else:
         problem = sightings_csv.parse(data, name)
-    return problem if sensor is None else mounted(problem, sensor)
+    return problem if sensor is None else in_sensor_frame(problem, sensor)
 
 
 def save(what: Estimate | ProblemLike, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:

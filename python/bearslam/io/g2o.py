@@ -33,7 +33,7 @@ from bearslam.io.edge_noise import (
     to_information,
     upper_triangle,
 )
-from bearslam.io.graph_builder import Assembly
+from bearslam.io.graph_builder import GraphBuilder
 from bearslam.io.information import information, is_diagonal, sigma
 from bearslam.io.text import decode, identifier, numbered, numbers
 
@@ -62,12 +62,12 @@ NOTHING = "no EDGE_BEARING_SE2_XY or EDGE_SE2_XY"
 
 def parse(data: bytes, name: str) -> Problem:
     """The problem in the content of a file of that name."""
-    return _assembled(data, name).problem(NOTHING, "kept but not used", keep=True)
+    return _built(data, name).problem(NOTHING, "kept but not used", keep=True)
 
 
 def vertices(data: bytes, name: str) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Poses and landmarks alone, by their names; those without a place are left out."""
-    graph = _assembled(data, name)
+    graph = _built(data, name)
     poses, points = (
         {graph.names.get(key, key): np.array(values) for key, (_, values) in some.items() if key not in graph.unknown}
         for some in (graph.poses, graph.points)
@@ -75,8 +75,8 @@ def vertices(data: bytes, name: str) -> tuple[dict[str, FloatArray], dict[str, F
     return poses, points
 
 
-def _assembled(data: bytes, name: str) -> Assembly:
-    graph = Assembly(name, shared=True)
+def _built(data: bytes, name: str) -> GraphBuilder:
+    graph = GraphBuilder(name, shared=True)
     for line, text in numbered(decode(data, name)):
         body, mark, comment = text.partition("#")
         words = body.split()
@@ -110,7 +110,9 @@ def _assembled(data: bytes, name: str) -> Assembly:
     return graph
 
 
-def _vertex(graph: Assembly, line: int, key: str, values: Sequence[float], said: Sequence[str], comment: str) -> None:
+def _vertex(
+    graph: GraphBuilder, line: int, key: str, values: Sequence[float], said: Sequence[str], comment: str
+) -> None:
     if len(values) == 3:
         graph.pose(line, key, tuple(values))
     else:
@@ -130,7 +132,7 @@ def _vertex(graph: Assembly, line: int, key: str, values: Sequence[float], said:
 
 
 def _edge(
-    graph: Assembly, line: int, tag: str, ends: tuple[str, ...], texts: tuple[str, ...], said: Sequence[str]
+    graph: GraphBuilder, line: int, tag: str, ends: tuple[str, ...], texts: tuple[str, ...], said: Sequence[str]
 ) -> None:
     where = graph.where(line)
     values = numbers(texts, where)

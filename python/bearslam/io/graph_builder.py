@@ -19,7 +19,7 @@ from bearslam.errors import InvalidInputError
 from bearslam.io.edge_noise import EdgeNoise
 from bearslam.io.information import INDEX
 
-__all__ = ["Assembly"]
+__all__ = ["GraphBuilder"]
 
 
 class _Edge(NamedTuple):
@@ -29,7 +29,7 @@ class _Edge(NamedTuple):
     spread: EdgeNoise
 
 
-class Assembly:
+class GraphBuilder:
     """What the lines of a file say, by the identifiers they use.
 
     Parameters

@@ -32,7 +32,7 @@ from bearslam.data.sightings import Sightings, deviations
 from bearslam.errors import InvalidInputError
 from bearslam.io.dead_reckoning import NOISE, OdometryNoise, checked_noise, dead_reckoning
 from bearslam.io.number_table import TIME, read_table, table_path
-from bearslam.io.view_names import name_of
+from bearslam.io.view_names import view_name
 
 __all__ = ["ROBOTS", "SIGMA", "OdometryNoise", "read"]
 
@@ -162,7 +162,7 @@ def read(
         known, delta, deviation = _motions(folder, log.robot, times, delay, scale, noise)
         left_out["motion"] += len(known) - int(known.sum())
         motions.append((np.flatnonzero(known) + len(names), delta[known], deviation[known]))
-        names += [name_of(str(log.robot), time) for time in times.tolist()]
+        names += [view_name(str(log.robot), time) for time in times.tolist()]
     if not names:
         raise InvalidInputError(
             f"{os.fspath(folder)}: expected sightings of landmarks by these robots at these times, got none"

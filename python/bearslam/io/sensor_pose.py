@@ -15,10 +15,10 @@ from bearslam.data.problem import Problem
 from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import InvalidInputError
 
-__all__ = ["mounted"]
+__all__ = ["in_sensor_frame"]
 
 
-def mounted(problem: Problem, sensor: ArrayLike) -> Problem:
+def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
     """The problem whose views are poses of the sensor, from one whose views are poses of the vehicle.
 
     A bearing that was computed in the frame of the vehicle is not that under which the sensor has seen the landmark.

@@ -31,7 +31,7 @@ from bearslam.errors import InvalidInputError
 from bearslam.io import g2o
 from bearslam.io.edge_noise import from_covariance, from_information
 from bearslam.io.g2o import TAG
-from bearslam.io.graph_builder import Assembly
+from bearslam.io.graph_builder import GraphBuilder
 from bearslam.io.text import decode, identifier, numbered, numbers
 
 __all__ = ["NOISES", "TAGS", "NoiseFormat", "parse"]
@@ -57,7 +57,7 @@ FROM_TORO = (0, 1, 4, 2, 5, 3)
 def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
     """The problem in the content of a file of that name."""
     choice("noise", noise, NOISES)
-    graph = Assembly(name, shared=False)
+    graph = GraphBuilder(name, shared=False)
     motions: list[tuple[int, tuple[str, str], tuple[float, ...], tuple[str, ...]]] = []
     for line, text in numbered(decode(data, name)):
         words = text[: text.index("#")].split() if "#" in text else text.split()

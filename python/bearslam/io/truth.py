@@ -19,7 +19,7 @@ from bearslam.io import map_file
 from bearslam.io.map_file import Points
 from bearslam.io.mrclam import ROBOTS
 from bearslam.io.number_table import read_table
-from bearslam.io.view_names import moment
+from bearslam.io.view_names import parse_view_name
 
 __all__ = ["load_truth"]
 
@@ -97,7 +97,7 @@ def _surveyed(folder: Path) -> Points:
 
 def _captured(folder: Path, names: Sequence[str]) -> FloatArray:
     poses = np.full((len(names), 3), np.nan)
-    moments = [moment(name) for name in names]
+    moments = [parse_view_name(name) for name in names]
     for robot in map(str, ROBOTS):
         views = np.array([i for i, (which, _) in enumerate(moments) if which == robot], dtype=np.int64)
         if len(views) == 0:

@@ -11,7 +11,7 @@ from bearslam.data.checks import quote
 from bearslam.data.estimate import Estimate
 from bearslam.data.problem import Problem
 from bearslam.errors import InvalidInputError
-from bearslam.io.view_names import moment
+from bearslam.io.view_names import parse_view_name
 
 __all__ = ["render"]
 
@@ -30,7 +30,7 @@ def render(what: object, robot: str | int | None = None) -> str:
         raise InvalidInputError(
             f"what: expected a reconstruction, or a problem with a start, to write a trajectory, got {quote(what)}"
         )
-    moments = [moment(str(i) if ids is None else ids[i]) for i in range(len(poses))]
+    moments = [parse_view_name(str(i) if ids is None else ids[i]) for i in range(len(poses))]
     robots = list(dict.fromkeys(one.robot for one in moments if one.robot is not None))
     if robot is not None:
         if str(robot) not in robots:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-__all__ = ["Moment", "moment", "name_of"]
+__all__ = ["Moment", "parse_view_name", "view_name"]
 
 
 class Moment(NamedTuple):
@@ -16,18 +16,18 @@ class Moment(NamedTuple):
     time: float | None
 
 
-def name_of(robot: str, time: float) -> str:
+def view_name(robot: str, time: float) -> str:
     """Name of a view, with as many digits as it takes to read the same time back, but at least milliseconds."""
     short = f"{time:.3f}"
     return f"{robot}@{short if float(short) == time else repr(time)}"
 
 
-def moment(name: str) -> Moment:
+def parse_view_name(name: str) -> Moment:
     """What the name of a view says.
 
     Examples
     --------
-    >>> moment("3@1248446200.393"), moment("12.5"), moment("north")
+    >>> parse_view_name("3@1248446200.393"), parse_view_name("12.5"), parse_view_name("north")
     (Moment(robot='3', time=1248446200.393), Moment(robot=None, time=12.5), Moment(robot=None, time=None))
     """
     robot, mark, text = name.rpartition("@")

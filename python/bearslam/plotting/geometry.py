@@ -11,23 +11,23 @@ from bearslam.data.checks import FloatArray, IntArray
 from bearslam.data.maps import Map, register
 from bearslam.data.sightings import Sightings
 
-__all__ = ["central", "extent", "laid_over", "moved", "sight_lines", "stretch"]
+__all__ = ["aligned_to", "extent", "linear_part", "sight_lines", "transformed", "without_far_points"]
 
 SHOWN = 5.0
 """Points that are farther from the middle than so many times most of the others are left out of the frame."""
 
 
-def laid_over(source: Map, target: Map) -> Map:
+def aligned_to(source: Map, target: Map) -> Map:
     """A map moved into the frame of another, by the similarity that fits best."""
-    return moved(source, register(source, target))
+    return transformed(source, register(source, target))
 
 
-def moved(source: Map, similarity: Similarity) -> Map:
+def transformed(source: Map, similarity: Similarity) -> Map:
     """A map as a similarity takes it."""
     return Map(similarity.apply_poses(source.poses), similarity.apply(source.landmarks))
 
 
-def stretch(similarity: Similarity) -> FloatArray:
+def linear_part(similarity: Similarity) -> FloatArray:
     """The matrix of a similarity, without its translation."""
     c, s = similarity.scale * np.cos(similarity.angle), similarity.scale * np.sin(similarity.angle)
     return np.array([[c, -s], [s, c]])
@@ -35,11 +35,11 @@ def stretch(similarity: Similarity) -> FloatArray:
 
 def extent(of: Map) -> float:
     """Length of the diagonal of the box around a map, points far from all others apart."""
-    points = central(of)
+    points = without_far_points(of)
     return float(np.hypot(*np.ptp(points, axis=0))) if len(points) else 1.0
 
 
-def central(of: Map) -> FloatArray:
+def without_far_points(of: Map) -> FloatArray:
     """Positions (k, 2) of views and landmarks, those far from all others apart."""
     points: FloatArray = np.concatenate([of.poses[:, :2], of.landmarks])
     points = points[np.isfinite(points).all(axis=1)]

@@ -18,13 +18,13 @@ from bearslam.data.maps import Map, MapLike, pick, register
 from bearslam.io.atomic import replacing
 from bearslam.io.endings import ending_of
 from bearslam.io.text import printable
-from bearslam.io.view_names import moment
+from bearslam.io.view_names import parse_view_name
 from bearslam.plotting.ellipses import draw_ellipses
-from bearslam.plotting.geometry import central, extent, laid_over, moved, sight_lines, stretch
+from bearslam.plotting.geometry import extent, linear_part, sight_lines, transformed, without_far_points
 from bearslam.plotting.legend import Entry, legend
-from bearslam.plotting.odometry_chains import Chains, chains
+from bearslam.plotting.odometry_chains import OdometryChains, odometry_chains
 from bearslam.plotting.rays import draw_outliers, draw_rays
-from bearslam.plotting.style import ESTIMATE, HEAVY, LINEAR, PAPER, TRUTH, Look, colors, shrunk
+from bearslam.plotting.style import ESTIMATE, HEAVY, TRUTH, Style, colors, shrunk
 from bearslam.plotting.trajectories import MANY, draw_closures, draw_ends, draw_paths, draw_triangles, headed
 
 try:
@@ -39,28 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "ESTIMATE",
-    "FORMATS",
-    "LINEAR",
-    "PAPER",
-    "TRUTH",
-    "Entry",
-    "Look",
-    "draw_map",
-    "draw_names",
-    "draw_offsets",
-    "draw_outliers",
-    "draw_rays",
-    "draw_to_file",
-    "extent",
-    "finish",
-    "laid_over",
-    "legend",
-    "plot",
-    "save_figure",
-    "sight_lines",
-]
+__all__ = ["FORMATS", "draw_map", "draw_names", "draw_offsets", "draw_to_file", "finish", "plot", "save_figure"]
 
 FORMATS = (".png", ".svg", ".pdf")
 SIZE = (8.0, 5.0)
@@ -81,7 +60,7 @@ def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None)
         _, ax = plt.subplots(figsize=SIZE, layout="constrained")
     views = len(result.poses)
     shown = Map(result.poses, result.landmarks)
-    paths = chains(result.odometry if views > MANY else None, views)
+    paths = odometry_chains(result.odometry if views > MANY else None, views)
     stretched = np.eye(2)
     entries: list[Entry] = []
     if truth is None:
@@ -89,7 +68,7 @@ def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None)
     else:
         target = pick("truth", truth, views, len(shown.landmarks))
         similarity = register(shown, target)
-        shown, stretched = moved(shown, similarity), stretch(similarity)
+        shown, stretched = transformed(shown, similarity), linear_part(similarity)
         scale = extent(target)
         if paths.robots:
             draw_paths(ax, target, paths, TRUTH, scale, arrows=False)
@@ -121,15 +100,15 @@ def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None)
     return ax
 
 
-def _robots(paths: Chains, names: Sequence[str] | None) -> list[str]:
+def _robots(paths: OdometryChains, names: Sequence[str] | None) -> list[str]:
     """What robots are called: as their views say, ``robot@time``, or by number."""
-    called = [None if names is None else moment(names[robot[0]]).robot for robot in paths.robots]
+    called = [None if names is None else parse_view_name(names[robot[0]]).robot for robot in paths.robots]
     return [
         str(number) if name is None or called.count(name) > 1 else printable(name) for number, name in enumerate(called)
     ]
 
 
-def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float, names: Sequence[str] | None) -> list[Entry]:
+def _draw_paths(ax: Axes, shown: Map, paths: OdometryChains, scale: float, names: Sequence[str] | None) -> list[Entry]:
     """The estimate where there are many views, robots as lines along their odometry."""
     draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
     own = colors(len(paths.robots), ESTIMATE)
@@ -145,26 +124,26 @@ def _draw_paths(ax: Axes, shown: Map, paths: Chains, scale: float, names: Sequen
     return entries + draw_closures(ax, shown, paths)
 
 
-def draw_map(ax: Axes, drawn: Map, look: Look, label: str, scale: float) -> Entry:
+def draw_map(ax: Axes, drawn: Map, style: Style, label: str, scale: float) -> Entry:
     """Robots as triangles that point where they head, landmarks as markers; what is undetermined is left out."""
-    draw_triangles(ax, headed(drawn, scale), look, look.color)
-    return _landmarks(ax, drawn, look, label, _symbol(look, ">", 8.0))
+    draw_triangles(ax, headed(drawn, scale), style, style.color)
+    return _landmarks(ax, drawn, style, label, _symbol(style, ">", 8.0))
 
 
-def _landmarks(ax: Axes, drawn: Map, look: Look, label: str, *before: Line2D) -> Entry:
+def _landmarks(ax: Axes, drawn: Map, style: Style, label: str, *before: Line2D) -> Entry:
     """Landmarks as markers, and what the legend says of them and of what comes before them."""
     points = drawn.landmarks[np.isfinite(drawn.landmarks).all(axis=1)]
-    size = look.size * shrunk(len(points), FEW, 0.35)
-    markers = _symbol(look, look.marker, size, *points.T)
+    size = style.size * shrunk(len(points), FEW, 0.35)
+    markers = _symbol(style, style.marker, size, *points.T)
     markers.set_rasterized(len(points) > HEAVY)
     ax.add_line(markers)
     ax.autoscale_view()
-    return (*before, _symbol(look, look.marker, max(size, 0.6 * look.size))), label
+    return (*before, _symbol(style, style.marker, max(size, 0.6 * style.size))), label
 
 
-def _symbol(look: Look, marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
-    line = Line2D(x, y, color=look.color, linestyle="none", marker=marker, markersize=size, zorder=look.zorder)
-    line.set(markerfacecolor=look.face, markeredgecolor=look.color, markeredgewidth=min(1.1, 0.3 * size))
+def _symbol(style: Style, marker: str, size: float, x: ArrayLike = (), y: ArrayLike = ()) -> Line2D:
+    line = Line2D(x, y, color=style.color, linestyle="none", marker=marker, markersize=size, zorder=style.zorder)
+    line.set(markerfacecolor=style.face, markeredgecolor=style.color, markeredgewidth=min(1.1, 0.3 * size))
     return line
 
 
@@ -174,7 +153,7 @@ def _stroke(color: str) -> Line2D:
 
 def frame(ax: Axes, drawn: Map) -> None:
     """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
-    points = central(drawn)
+    points = without_far_points(drawn)
     if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
         margin = 0.1 * extent(drawn)
         ax.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
@@ -182,7 +161,7 @@ def frame(ax: Axes, drawn: Map) -> None:
 
 
 def draw_names(
-    ax: Axes, drawn: Map, look: Look, scale: float, names: Sequence[object], lines: FloatArray, *others: Map
+    ax: Axes, drawn: Map, style: Style, scale: float, names: Sequence[object], lines: FloatArray, *others: Map
 ) -> None:
     """Names beside the robots, where they are farthest from lines and from the points of this and other maps."""
     if len(drawn.poses) > LABELLED:
@@ -205,18 +184,18 @@ def draw_names(
             place = places[np.argmax(np.abs(places[:, None] - occupied).min(axis=1).round(6))]
             occupied = np.append(occupied, place + 0.01 * scale * np.array([0, 1, -1]))
             text = ax.text(
-                place.real, place.imag, printable(name), color=look.color, fontsize=8, clip_on=True, parse_math=False
+                place.real, place.imag, printable(name), color=style.color, fontsize=8, clip_on=True, parse_math=False
             )
-            text.set(ha="center", va="center", zorder=look.zorder + 1)
+            text.set(ha="center", va="center", zorder=style.zorder + 1)
             text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
 
 
-def draw_offsets(ax: Axes, start: Map, end: Map, look: Look) -> None:
+def draw_offsets(ax: Axes, start: Map, end: Map, style: Style) -> None:
     """Thin lines between what is the same in two maps."""
     lines = np.stack([np.concatenate([one.poses[:, :2], one.landmarks]) for one in (start, end)], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
     ax.add_collection(
-        LineCollection(list(lines), colors=look.color, linewidths=0.8, linestyles=":", zorder=look.zorder - 0.1)
+        LineCollection(list(lines), colors=style.color, linewidths=0.8, linestyles=":", zorder=style.zorder - 0.1)
     )
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from bearslam.data.checks import FloatArray, IntArray
 from bearslam.data.priors import Odometry
 
-__all__ = ["Chains", "chains", "closed", "pieces"]
+__all__ = ["OdometryChains", "closure_lines", "odometry_chains", "pieces"]
 
 
 @dataclass(frozen=True, eq=False)
-class Chains:
+class OdometryChains:
     """Views in the order in which robots went through them.
 
     Attributes
@@ -29,14 +29,14 @@ class Chains:
     closures: IntArray
 
 
-def chains(odometry: Odometry | None, views: int) -> Chains:
+def odometry_chains(odometry: Odometry | None, views: int) -> OdometryChains:
     """The chains of so many views.
 
     Two views are consecutive where a motion joins them, and none of the two has a motion to a view whose number is
     between theirs. So the views of several robots may come one robot after the other or take turns.
     """
     if odometry is None:
-        return Chains((), np.empty((0, 2), dtype=np.intp))
+        return OdometryChains((), np.empty((0, 2), dtype=np.intp))
     pairs = np.unique(np.sort(np.column_stack([odometry.start, odometry.end]), axis=1), axis=0)
     first, second = pairs.T
     following = np.full(views, views)
@@ -51,17 +51,19 @@ def chains(odometry: Odometry | None, views: int) -> Chains:
         while robot[-1] in after:
             robot.append(after[robot[-1]])
         robots.append(np.array(robot))
-    return Chains(tuple(robots), pairs[~steps])
+    return OdometryChains(tuple(robots), pairs[~steps])
 
 
 def pieces(robot: IntArray, points: FloatArray) -> list[IntArray]:
     """The views of a robot, in stretches of two and more whose points (m, 2) are all known."""
     known = np.isfinite(points[robot]).all(axis=1)
     stretches = np.split(robot, np.flatnonzero(np.diff(known)) + 1)
-    return [stretch for stretch in stretches if len(stretch) > 1 and np.isfinite(points[stretch[0]]).all()]
+    return [
+        linear_part for linear_part in stretches if len(linear_part) > 1 and np.isfinite(points[linear_part[0]]).all()
+    ]
 
 
-def closed(of: Chains, points: FloatArray) -> FloatArray:
+def closure_lines(of: OdometryChains, points: FloatArray) -> FloatArray:
     """Start and end (k, 2, 2) of the closures whose points (m, 2) are known."""
     lines: FloatArray = points[of.closures]
     return lines[np.isfinite(lines).all(axis=(1, 2))]

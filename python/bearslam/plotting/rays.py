@@ -31,14 +31,14 @@ def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
         lines = lines[::every]
         label = f"{label} (1 in {every})"
     few = min(1.0, 150 / max(len(lines), 1))
-    look: dict[str, Any] = {"linewidths": max(0.7 * few, 0.3), "alpha": max(0.6 * few, 0.1)}
-    ax.add_collection(LineCollection(list(lines), colors=RAY, zorder=1.0, rasterized=len(lines) > HEAVY, **look))
+    style: dict[str, Any] = {"linewidths": max(0.7 * few, 0.3), "alpha": max(0.6 * few, 0.1)}
+    ax.add_collection(LineCollection(list(lines), colors=RAY, zorder=1.0, rasterized=len(lines) > HEAVY, **style))
     return Line2D([], [], color=RAY, linewidth=0.9), label
 
 
 def draw_outliers(ax: Axes, lines: FloatArray) -> Entry:
     """Bearings that are not explained, all of them, dashed; above the others, for they are what one looks for."""
     few = (50 / max(len(lines), 50)) ** 0.5
-    look: dict[str, Any] = {"linewidths": max(few, 0.45), "alpha": max(few, 0.6), "linestyles": (0, (4, 2))}
-    ax.add_collection(LineCollection(list(lines), colors=WRONG, zorder=1.2, rasterized=len(lines) > HEAVY, **look))
+    style: dict[str, Any] = {"linewidths": max(few, 0.45), "alpha": max(few, 0.6), "linestyles": (0, (4, 2))}
+    ax.add_collection(LineCollection(list(lines), colors=WRONG, zorder=1.2, rasterized=len(lines) > HEAVY, **style))
     return Line2D([], [], color=WRONG, linewidth=1.0, linestyle=(0, (4, 2))), "outlier"

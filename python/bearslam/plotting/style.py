@@ -14,14 +14,14 @@ __all__ = [
     "ROBOTS",
     "TRUTH",
     "WRONG",
-    "Look",
+    "Style",
     "colors",
     "shrunk",
 ]
 
 
 @dataclass(frozen=True)
-class Look:
+class Style:
     """How one map among several is drawn."""
 
     color: str
@@ -38,10 +38,10 @@ class Look:
 
 # The colours are those of Okabe and Ito, which every kind of colour vision tells apart; shape and filling tell the maps
 # apart in black and white.
-TRUTH = Look("#404040", "s", 8.0, filled=False, zorder=3.0)
-PAPER = Look("#d55e00", "D", 5.0, filled=False, zorder=3.2)
-LINEAR = Look("#009e73", "P", 5.5, filled=True, zorder=3.3)
-ESTIMATE = Look("#0072b2", "o", 4.0, filled=True, zorder=3.4)
+TRUTH = Style("#404040", "s", 8.0, filled=False, zorder=3.0)
+PAPER = Style("#d55e00", "D", 5.0, filled=False, zorder=3.2)
+LINEAR = Style("#009e73", "P", 5.5, filled=True, zorder=3.3)
+ESTIMATE = Style("#0072b2", "o", 4.0, filled=True, zorder=3.4)
 RAY = "#56b4e9"
 WRONG = "#cc79a7"
 ROBOTS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#cc79a7", "#f0e442")
@@ -51,9 +51,9 @@ HEAVY = 500
 takes long to open."""
 
 
-def colors(count: int, look: Look) -> tuple[str, ...]:
+def colors(count: int, style: Style) -> tuple[str, ...]:
     """Of so many robots: one each if there are several, and not too many to be told apart."""
-    return ROBOTS[:count] if 1 < count <= len(ROBOTS) else (look.color,) * count
+    return ROBOTS[:count] if 1 < count <= len(ROBOTS) else (style.color,) * count
 
 
 def shrunk(number: int, few: int, least: float) -> float:

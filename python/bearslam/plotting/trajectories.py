@@ -11,8 +11,8 @@ import numpy as np
 from bearslam.data.checks import FloatArray, IntArray
 from bearslam.data.maps import Map
 from bearslam.plotting.legend import Entry
-from bearslam.plotting.odometry_chains import Chains, closed, pieces
-from bearslam.plotting.style import ESTIMATE, HEAVY, ROBOTS, Look, colors, shrunk
+from bearslam.plotting.odometry_chains import OdometryChains, closure_lines, pieces
+from bearslam.plotting.style import ESTIMATE, HEAVY, ROBOTS, Style, colors, shrunk
 
 try:
     from matplotlib.collections import LineCollection, PolyCollection
@@ -47,24 +47,24 @@ def headed(drawn: Map, scale: float) -> FloatArray:
     return triangles(drawn.poses, SIZE * scale * shrunk(known, 10, 0.0))
 
 
-def draw_triangles(ax: Axes, corners: FloatArray, look: Look, color: str | Sequence[str]) -> None:
+def draw_triangles(ax: Axes, corners: FloatArray, style: Style, color: str | Sequence[str]) -> None:
     """Robots as triangles that point where they head."""
     ax.add_collection(
         PolyCollection(
             list(corners),
-            facecolors=color if look.filled else "none",
+            facecolors=color if style.filled else "none",
             edgecolors=color,
             linewidths=1.1 * shrunk(len(corners), 2 * MANY, 0.3),
             joinstyle="round",
-            zorder=look.zorder,
+            zorder=style.zorder,
             rasterized=len(corners) > HEAVY,
         )
     )
 
 
-def draw_paths(ax: Axes, drawn: Map, of: Chains, look: Look, scale: float, *, arrows: bool) -> None:
+def draw_paths(ax: Axes, drawn: Map, of: OdometryChains, style: Style, scale: float, *, arrows: bool) -> None:
     """Robots as lines through their views, with a triangle now and then; views on no line are triangles."""
-    own = colors(len(of.robots), look) if arrows else (look.color,) * len(of.robots)
+    own = colors(len(of.robots), style) if arrows else (style.color,) * len(of.robots)
     lone = np.ones(len(drawn.poses), dtype=bool)
     lines: list[FloatArray] = []
     views: list[IntArray] = []
@@ -77,14 +77,14 @@ def draw_paths(ax: Axes, drawn: Map, of: Chains, look: Look, scale: float, *, ar
             shades.append(color)
     width = (1.3 if arrows else 0.8) * shrunk(len(drawn.poses), 1000, 0.7)
     ax.add_collection(
-        LineCollection(lines, colors=shades, linewidths=width, capstyle="round", joinstyle="round", zorder=look.zorder)
+        LineCollection(lines, colors=shades, linewidths=width, capstyle="round", joinstyle="round", zorder=style.zorder)
     )
     if arrows and lines:
         chosen, marked = _spread(lines, views, shades)
-        draw_triangles(ax, triangles(drawn.poses[chosen], 0.45 * SIZE * scale), look, marked)
+        draw_triangles(ax, triangles(drawn.poses[chosen], 0.45 * SIZE * scale), style, marked)
     left = Map(drawn.poses[lone], drawn.landmarks)
     if np.isfinite(left.poses).all(axis=1).any():
-        draw_triangles(ax, headed(left, scale), look, look.color)
+        draw_triangles(ax, headed(left, scale), style, style.color)
 
 
 def _spread(
@@ -105,15 +105,15 @@ def _spread(
     return np.array(chosen, dtype=np.intp), tuple(marked)
 
 
-def draw_ends(ax: Axes, drawn: Map, of: Chains, look: Look) -> Entry:
+def draw_ends(ax: Axes, drawn: Map, of: OdometryChains, style: Style) -> Entry:
     """Where each robot starts, hollow, and where it ends, filled."""
     size = 7.0 * shrunk(len(of.robots), len(ROBOTS), 0.4)
-    for robot, color in zip(of.robots, colors(len(of.robots), look), strict=True):
+    for robot, color in zip(of.robots, colors(len(of.robots), style), strict=True):
         known = robot[np.isfinite(drawn.poses[robot, :2]).all(axis=1)]
         for view, face in zip(known[[0, -1]] if len(known) else (), ("white", color), strict=False):
-            ax.add_line(_diamond(color, face, size, look.zorder + 0.2, *drawn.poses[view : view + 1, :2].T))
-    several = len(set(colors(len(of.robots), look))) > 1
-    color = "black" if several else look.color
+            ax.add_line(_diamond(color, face, size, style.zorder + 0.2, *drawn.poses[view : view + 1, :2].T))
+    several = len(set(colors(len(of.robots), style))) > 1
+    color = "black" if several else style.color
     return (_diamond(color, "white", 6.0, 0.0), _diamond(color, color, 6.0, 0.0)), "start, end"
 
 
@@ -123,11 +123,11 @@ def _diamond(color: str, face: str, size: float, zorder: float, x: Any = (), y: 
     return line
 
 
-def draw_closures(ax: Axes, drawn: Map, of: Chains) -> list[Entry]:
+def draw_closures(ax: Axes, drawn: Map, of: OdometryChains) -> list[Entry]:
     """Motions between views that do not follow each other, as thin lines; nothing where there are none."""
-    lines = closed(of, drawn.poses[:, :2])
+    lines = closure_lines(of, drawn.poses[:, :2])
     if len(lines) == 0:
         return []
-    look: dict[str, Any] = {"colors": "#808080", "linewidths": 0.6 * shrunk(len(lines), 50, 0.4)}
-    ax.add_collection(LineCollection(list(lines), zorder=ESTIMATE.zorder - 0.1, rasterized=len(lines) > HEAVY, **look))
+    style: dict[str, Any] = {"colors": "#808080", "linewidths": 0.6 * shrunk(len(lines), 50, 0.4)}
+    ax.add_collection(LineCollection(list(lines), zorder=ESTIMATE.zorder - 0.1, rasterized=len(lines) > HEAVY, **style))
     return [(Line2D([], [], color="#808080", linewidth=0.8), "loop closure")]

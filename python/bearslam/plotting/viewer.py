@@ -16,8 +16,8 @@ from bearslam.data.maps import Map, MapLike, pick
 from bearslam.io.atomic import replacing
 from bearslam.io.endings import ending_of
 from bearslam.io.text import printable
-from bearslam.plotting.geometry import central, extent, laid_over, sight_lines
-from bearslam.plotting.odometry_chains import Chains, chains, closed, pieces
+from bearslam.plotting.geometry import aligned_to, extent, sight_lines, without_far_points
+from bearslam.plotting.odometry_chains import OdometryChains, closure_lines, odometry_chains, pieces
 from bearslam.plotting.style import ESTIMATE, RAY, TRUTH, WRONG, colors
 
 try:
@@ -45,7 +45,7 @@ def view(result: Estimate, path: str | os.PathLike[str] | None = None, truth: Ma
     target = None
     if truth is not None:
         target = pick("truth", truth, len(shown.poses), len(shown.landmarks))
-        shown = laid_over(shown, target)
+        shown = aligned_to(shown, target)
     recording = rr.RecordingStream("bearslam", send_properties=False)
     if path is None:
         try:
@@ -64,7 +64,7 @@ def view(result: Estimate, path: str | os.PathLike[str] | None = None, truth: Ma
 
 def _blueprint(shown: Map) -> rrb.Blueprint:
     """One view of the whole map, points far from all others apart."""
-    points = central(shown) * FLIP
+    points = without_far_points(shown) * FLIP
     if len(points) == 0:
         return rrb.Blueprint(rrb.Spatial2DView(origin="/", name="map"))
     low, high = points.min(axis=0), points.max(axis=0)
@@ -77,14 +77,14 @@ def _blueprint(shown: Map) -> rrb.Blueprint:
 def _record(recording: rr.RecordingStream, result: Estimate, shown: Map, truth: Map | None) -> None:
     views, landmarks = len(shown.poses), len(shown.landmarks)
     scale = extent(shown if truth is None else truth)
-    paths = chains(result.odometry, views)
+    paths = odometry_chains(result.odometry, views)
     if truth is not None:
         _ways(recording, "truth", truth, paths, (TRUTH.color,) * len(paths.robots), 0.8)
         _points(recording, "truth/views", truth.poses[:, :2], TRUTH.color, 1.0)
         _points(recording, "truth/landmarks", truth.landmarks, TRUTH.color, 5.0)
     own = colors(len(paths.robots), ESTIMATE)
     _ways(recording, "estimate", shown, paths, own, 1.2)
-    closures = closed(paths, shown.poses[:, :2])
+    closures = closure_lines(paths, shown.poses[:, :2])
     if len(closures):
         recording.log("estimate/closures", _strips(closures, "#808080", 0.6), static=True)
     names = [printable(name) for name in result.view_ids or range(views)]
@@ -127,8 +127,8 @@ def _steps(
         order = order[np.argsort(seen.view[order], kind="stable")]
         rays = sight_lines(shown, seen, order, oriented=result.oriented)
         counts = np.bincount(seen.view[order], minlength=views)
-        look = rr.LineStrips2D.from_fields(colors=_rgb([color]), radii=rr.Radius.ui_points(0.8))
-        recording.log(f"now/{name}", look, static=True)
+        style = rr.LineStrips2D.from_fields(colors=_rgb([color]), radii=rr.Radius.ui_points(0.8))
+        recording.log(f"now/{name}", style, static=True)
         recording.send_columns(f"now/{name}", moments, rr.LineStrips2D.columns(strips=rays * FLIP).partition(counts))
     bold = rr.Arrows2D.from_fields(colors=_rgb(["#000000"]), radii=rr.Radius.ui_points(2.0))
     recording.log("now/robot", bold, static=True)
@@ -137,7 +137,7 @@ def _steps(
 
 
 def _ways(
-    recording: rr.RecordingStream, name: str, drawn: Map, paths: Chains, shades: tuple[str, ...], width: float
+    recording: rr.RecordingStream, name: str, drawn: Map, paths: OdometryChains, shades: tuple[str, ...], width: float
 ) -> None:
     """The way of each robot, with gaps where it is undetermined."""
     for number, (robot, color) in enumerate(zip(paths.robots, shades, strict=True)):

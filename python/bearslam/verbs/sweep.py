@@ -18,7 +18,7 @@ from bearslam.montecarlo.executors import HaltedError, run_here, run_on
 from bearslam.montecarlo.grid import Grid, Start, chunk_size, cut
 from bearslam.montecarlo.ledger import Ledger
 from bearslam.montecarlo.sweep_result import SweepResult
-from bearslam.progress import Progress, telling
+from bearslam.progress import Progress, reporting
 from bearslam.verbs.simulate import Layout
 
 __all__ = ["sweep"]
@@ -129,7 +129,7 @@ def sweep(
             pieces = cut(grid, trials, size, ranges)
             total = trials * grid.cells
             scenes = total - sum(piece.end - piece.first for piece in pieces)
-            tell = stack.enter_context(telling(progress, "scenes", scenes, total))
+            tell = stack.enter_context(reporting(progress, "scenes", scenes, total))
 
             def done(index: int, counts: IntArray, bins: IntArray) -> None:
                 nonlocal scenes
