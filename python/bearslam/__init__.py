@@ -3,9 +3,9 @@
 
 Poses of robots and positions of landmarks from nothing but the angles at which the robots see the landmarks, with no
 initial guess; odometry and priors are used where there are any. A pose is (x, y, theta); a bearing is measured in the
-frame of the robot, counter-clockwise from its heading; all angles are radians. Bearings know no position, rotation or
-scale of the whole: what nothing else says of these, a map is given with its first view at the origin, heading 0, and
-the root-mean-square distance of the other views from it 1.
+frame of the robot, counter-clockwise from its heading; all angles are in radians. Bearings do not determine position,
+rotation and scale of the whole map: unless odometry or priors do, the first view is at the origin with heading 0, and
+the root-mean-square distance of the other views from it is 1.
 
 >>> import bearslam
 >>> scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)

@@ -13,29 +13,29 @@ __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputErr
 
 
 class BearslamError(Exception):
-    """Base of every error that bearslam raises on purpose."""
+    """Base class of the errors of bearslam."""
 
 
 class InvalidInputError(BearslamError, ValueError):
-    """Input that no geometry could satisfy: wrong shape, dtype, range or count, an unreadable file.
+    """Invalid input: wrong shape, dtype, range or count, or an unreadable file.
 
-    The message names the argument (or file and line), what was expected and what came.
+    The message names the argument (or file and line), what was expected and what it got.
     """
 
 
 class DegenerateError(BearslamError, ArithmeticError):
-    """Well-formed input whose geometry leaves the answer undetermined.
+    """Valid input whose geometry does not determine the answer.
 
     Parameters
     ----------
     message : str
-        What could not be determined, and why.
+        What is not determined, and why.
     quantity : str
         Name of the number that failed, for example ``"singular value gap"``.
     value : float
-        What it came to.
+        Its value.
     bound : float
-        What it would have had to reach.
+        The bound that it would have had to reach.
 
     Attributes
     ----------
@@ -53,13 +53,13 @@ class DegenerateError(BearslamError, ArithmeticError):
         self.diagnosis = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The keyword-only arguments would be lost in the way exceptions are pickled by default.
+        # By default, pickling an exception loses its keyword-only arguments.
         make = partial(type(self), quantity=self.quantity, value=self.value, bound=self.bound)
         return make, self.args, self.__dict__
 
 
 class ExecutorError(BearslamError, RuntimeError):
-    """An executor that takes no more work, or fails at the same piece again and again.
+    """An executor that accepts no more work, or keeps failing at the same piece.
 
     Parameters
     ----------

@@ -54,17 +54,17 @@ class Reconstruction(Estimate):
     def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
         """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
 
-        Where there are covariances, positions have an ellipse that covers 95 % of a Gaussian distribution. Outliers
-        among the bearings are dashed. More than 60 views that odometry joins are lines, one for each robot, with a
-        triangle now and then; what would hide such a map, most of the bearings and of the ellipses of views, is left
-        out, and the legend says so.
+        Positions with covariances have ellipses that cover 95 % of a Gaussian distribution. Outliers among the bearings
+        are dashed. More than 60 views joined by odometry are drawn as lines, one for each robot, with a triangle at
+        intervals; most of the bearings and of the ellipses of views, which would hide such a map, are left out, and
+        the legend says so.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default in a new figure.
+            Axes to draw into; by default those of a new figure.
         truth : Scene, Reconstruction or (poses, landmarks), optional
-            Drawn as well, and the map is laid over it by the similarity that fits best.
+            Truth to draw as well; the map is aligned with it by a similarity.
 
         Returns
         -------
@@ -83,10 +83,10 @@ class Reconstruction(Estimate):
     def view(self, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
         """Open the map in the viewer of Rerun, or write it to a recording that the viewer opens.
 
-        The robots with their ways, the landmarks with their names and all outliers stand still. What a view sees goes
-        along a timeline of the views. The viewer's y points down: so that the map stands upright, it is given -y.
+        Trajectories, named landmarks and outliers are static. What each view sees is shown along a timeline of the
+        views. The y axis of the viewer points down, so that -y is recorded to keep the map upright.
 
-        Writing a recording opens no connection. The viewer is a program of its own, and counts how it is used for its
+        Writing a recording opens no connection. The viewer is a separate program, which sends usage statistics to its
         makers unless ``rerun analytics disable`` has been called once.
 
         Parameters
@@ -94,7 +94,7 @@ class Reconstruction(Estimate):
         path : str or path-like, optional
             Recording to write, `.rrd`; an existing file is replaced in one step. By default the viewer is opened.
         truth : Scene, Reconstruction or (poses, landmarks), optional
-            Shown as well, in grey, and the map is laid over it by the similarity that fits best.
+            Truth to show as well, in grey; the map is aligned with it by a similarity.
 
         Raises
         ------
@@ -103,56 +103,57 @@ class Reconstruction(Estimate):
         InvalidInputError
             If the name does not end in `.rrd`.
         OSError
-            If it cannot be written, or the viewer cannot be opened, as without a screen.
+            If the recording cannot be written, or the viewer cannot be opened, for example without a screen.
         """
         from bearslam.plotting.viewer import view
 
         view(self, path, truth)
 
     def save(self, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
-        """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`, and to `.g2o` these and
-        what they were made from, to go on with in other programs; the trajectory of a robot to `.tum`.
+        """Write the map to a file: `.json` keeps everything, `.csv` the poses and landmarks, `.g2o` these and the
+        measurements, for other programs, and `.tum` the trajectory of a robot.
 
-        An existing file is replaced in one step, never left half written.
+        An existing file is replaced in one step and never left half written.
 
         Parameters
         ----------
         path : str or path
-            Where to.
+            File to write.
         robot : str or int, optional
-            For `.tum`: whose views to write, if the names of views, ``robot@time``, are of several robots.
+            For `.tum`: the robot whose views to write, if the names of views, ``robot@time``, are of several robots.
 
         Raises
         ------
         InvalidInputError
-            If the name ends in none of these, or it takes a robot to write a trajectory.
+            If the name has another ending, or a trajectory needs a robot.
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         """
         files.save(self, path, robot=robot)
 
     def to_gtsam(self) -> tuple[Any, Any]:
-        """Hand the map over to GTSAM: factors and initial values, which GTSAM optimises at once.
+        """Hand the map over to GTSAM as factors and initial values, ready to be optimised.
 
-        Views have the keys ``symbol("x", i)``, landmarks ``symbol("l", j)``, with the rows of `poses` and `landmarks`
-        for numbers. What is undetermined is left out, with all that belongs to it; so are outliers.
+        Views have the keys ``symbol("x", i)`` and landmarks ``symbol("l", j)``, where i and j are rows of `poses` and
+        `landmarks`. Undetermined views and landmarks are left out together with their measurements, and so are
+        outliers.
 
-        - A sighting is a ``BearingFactor2D``. A bearing that is a line is that end of it that the landmark is on.
-        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam x, y and
-          theta of it; the two agree to first order in theta.
-        - A prior of a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` of what is known of it; with a
-          covariance a ``PriorFactorPose2``, the same to first order as with motions. One of a landmark is a
+        - A sighting is a ``BearingFactor2D``. A bearing that is a line becomes the ray towards the landmark.
+        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam its x, y
+          and theta; the two agree to first order in theta.
+        - A prior on a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` on the known coordinates, or
+          with a covariance a ``PriorFactorPose2``, which agrees to first order. A prior on a landmark is a
           ``PriorFactorPoint2``.
-        - What all these leave open of place, rotation and scale is held as it is: by priors on the first view, and the
-          scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the map, and
-          cost nothing in the map, so that the optimum is what it would be without.
+        - Position, rotation and scale that these leave free are held at their values: by priors on the first view, and
+          for the scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the
+          map, and have zero cost at the map, so that the optimum does not change.
 
-        Every factor counts with its square, whatever the loss was.
+        Factors have squared errors, whatever the loss was.
 
         Returns
         -------
         gtsam.NonlinearFactorGraph, gtsam.Values
-            The problem, and the map.
+            The factors, and the map as initial values.
 
         Raises
         ------
@@ -163,7 +164,7 @@ class Reconstruction(Estimate):
 
 
 def best_with_alternatives(request: Request, raws: Sequence[RawReconstruction]) -> Reconstruction:
-    """The winner, with its alternatives."""
+    """The best of several maps, with the others as its alternatives."""
     winner, *others = raws
     return from_core(request, winner, tuple(from_core(request, other) for other in others))
 
@@ -171,7 +172,7 @@ def best_with_alternatives(request: Request, raws: Sequence[RawReconstruction]) 
 def from_core(
     request: Request, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...] = ()
 ) -> Reconstruction:
-    """A reconstruction in the form of the problem."""
+    """The answer of the core in the shape of the problem."""
     table = request.table
     return Reconstruction(
         poses=raw["poses"],

@@ -183,7 +183,10 @@ def test_an_interruption_before_anything_is_done_writes_nothing(tmp_path, monkey
         (["--trials", "0"], "trials: expected an integer from 1"),
         (["--starts", "solve", "solve"], "starts: expected every value once, got 'solve' again"),
         (["--workers", "-1"], "--workers: expected an integer from 0"),
-        (["--workers", "2", "--threads", "2"], "--workers: each has one thread; give --workers or --threads"),
+        (
+            ["--workers", "2", "--threads", "2"],
+            "--workers: each worker has one thread; give either --workers or --threads",
+        ),
         (["-o", "out.json"], "path: expected a name that ends in .npz or .csv, got 'out.json'"),
         (["-o", "none/out.csv"], "none/out.csv: there is no folder 'none'"),
         (["--plot", "out.gif"], "path: expected a name that ends in .png or .svg or .pdf"),

@@ -209,7 +209,7 @@ def test_command_line_with_too_little_truth(tmp_path, monkeypatch, capsys):
     assert main(["simulate", "enclosed", "6", "9", "--seed", "2", "-o", "scene.csv"]) == 0
     (tmp_path / "truth.csv").write_text("kind,id,x,y,theta\nlandmark,0,1,2,\n")
     assert main(["solve", "scene.csv", "--truth", "truth.csv"]) == 1
-    assert "expected places of two views or landmarks of the map, or more, got 1" in capsys.readouterr().err
+    assert "expected the positions of at least two views or landmarks of the map, got 1" in capsys.readouterr().err
 
 
 def test_what_the_truth_does_not_have_is_not_named(tmp_path, monkeypatch, capsys):

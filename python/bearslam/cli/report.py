@@ -42,7 +42,7 @@ def describe(result: Estimate) -> str:
     if result.covariance_frame is not None:
         lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
     if not result.oriented:
-        lines.append("bearings are lines: each heading is known modulo 180 deg only")
+        lines.append("bearings are lines: every heading is known modulo 180 deg only")
     lines += _outliers(result)
     for one in result.undetermined[:SHOWN]:
         ids = result.view_ids if one.kind == "view" else result.landmark_ids

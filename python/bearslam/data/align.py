@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Similarities of the plane: what bearings alone leave open, and how a map is laid over another."""
+"""Similarities of the plane: the gauge freedom of bearings alone, and the alignment of one map with another."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Similarity:
     Attributes
     ----------
     scale : float
-        Factor above 0.
+        Scale factor, above 0.
     angle : float
         Rotation, counter-clockwise [rad].
     translation : (2,) ndarray
-        Where the origin goes [length of the target].
+        Image of the origin [length of the target].
     """
 
     scale: float
@@ -33,20 +33,20 @@ class Similarity:
     translation: FloatArray
 
     def apply(self, points: ArrayLike) -> FloatArray:
-        """Points (k, 2) moved into the frame of the target; NaN stays NaN."""
+        """Points (k, 2) transformed into the frame of the target; NaN stays NaN."""
         array = floats("points", points, ("k", 2), missing=True)
         c, s = self.scale * np.cos(self.angle), self.scale * np.sin(self.angle)
         moved: FloatArray = array @ np.array([[c, s], [-s, c]]) + self.translation
         return moved
 
     def apply_poses(self, poses: ArrayLike) -> FloatArray:
-        """Poses (k, 3) moved into the frame of the target, headings in (-pi, pi]; NaN stays NaN."""
+        """Poses (k, 3) transformed into the frame of the target, headings in (-pi, pi]; NaN stays NaN."""
         array = floats("poses", poses, ("k", 3), missing=True)
         return np.column_stack([self.apply(array[:, :2]), wrap(array[:, 2] + self.angle)])
 
 
 def align(source: ArrayLike, target: ArrayLike) -> Similarity:
-    """Similarity that takes the source points closest to the target points, in the least-squares sense.
+    """Similarity that best maps the source points to the target points, in the least-squares sense.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def align(source: ArrayLike, target: ArrayLike) -> Similarity:
     InvalidInputError
         If shapes differ, there are fewer than two points, or a number is not finite.
     DegenerateError
-        If all source points, or all target points, are in one place.
+        If all source points, or all target points, coincide.
 
     References
     ----------
@@ -84,5 +84,5 @@ def align(source: ArrayLike, target: ArrayLike) -> Similarity:
 
 
 def wrap(angle: FloatArray) -> FloatArray:
-    """Angles in (-pi, pi] [rad]."""
+    """Angles wrapped to (-pi, pi] [rad]."""
     return np.pi - np.mod(np.pi - angle, 2 * np.pi)

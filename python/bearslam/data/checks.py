@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Arguments into what the core wants, or an `InvalidInputError` naming argument, expectation and what came."""
+"""Checks that turn arguments into what the core takes, or raise an `InvalidInputError`.
+
+Its message names the argument, what was expected and what came.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +39,11 @@ IntArray: TypeAlias = NDArray[np.int64]
 SEED_LIMIT = 2**64 - 1
 """The largest seed."""
 INDEX_LIMIT = 2**24
-"""Views or landmarks in one problem: an index above it is an identifier that nobody has numbered from 0."""
+"""Most views or landmarks in one problem: a larger index is most likely an identifier, not a number counted from 0."""
 
 
 def plain(name: str, value: ArrayLike) -> NDArray[Any]:
-    """Array of whatever it is."""
+    """Array of any dtype and shape."""
     if isinstance(value, np.ma.MaskedArray):
         raise InvalidInputError(f"{name}: expected a plain array, got a masked one; use .filled(numpy.nan)")
     try:
@@ -50,9 +53,9 @@ def plain(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def floats(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
-    """Float64 array in C order, of the given shape (letters stand for any length).
+    """Float64 array in C order, of the given shape, in which letters stand for any length.
 
-    Every entry is finite; with `missing`, NaN is allowed as well.
+    Every entry must be finite; with `missing`, NaN is allowed as well.
     """
     array = plain(name, value)
     if array.dtype.kind not in "fiu":
@@ -88,13 +91,13 @@ def indices(name: str, value: ArrayLike) -> IntArray:
 
 
 def quote(value: object) -> str:
-    """What came, as Python writes it, cut where it is long."""
+    """The `repr` of a value, shortened if it is long."""
     text = repr(value)
     return text if len(text) <= 100 else f"{text[:80]}... ({len(text)} characters)"
 
 
 def whole(name: str, value: SupportsIndex, low: int, high: int = 2**63 - 1) -> int:
-    """Integer from `low` to `high`, by default the largest that every 64-bit integer can hold."""
+    """Integer from `low` to `high`, by default up to the largest signed 64-bit integer."""
     try:
         number = operator.index(value)
     except TypeError:
@@ -113,7 +116,7 @@ def real(
     above: bool = False,
     infinite: bool = False,
 ) -> float:
-    """Real number that is at least (with `above`, more than) `low` and at most `high`, or infinite where allowed."""
+    """Real number of at least `low` (with `above`, above it) and at most `high`; infinite only where allowed."""
     wanted = f"a number {'above' if above else 'of at least'} {low:g}"
     if high < sys.float_info.max:
         wanted += f" and at most {high:g}"
@@ -136,14 +139,14 @@ def choice(name: str, value: str, known: Sequence[str]) -> str:
 
 
 def flag(name: str, value: bool) -> bool:
-    """True or False, and nothing that passes for it."""
+    """True or False, not a number that stands for it."""
     if not isinstance(value, bool | np.bool_):
         raise InvalidInputError(f"{name}: expected True or False, got {quote(value)}")
     return bool(value)
 
 
 def observer(progress: Progress | None) -> Progress | None:
-    """Something that can be called, or nothing."""
+    """A progress callback, or None."""
     if progress is not None and not callable(progress):
         raise InvalidInputError(f"progress: expected None or a function (stage, done, total), got {quote(progress)}")
     return progress

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Poses and landmarks as one thing: taken from whatever has them, laid over the truth, measured against it."""
+"""Maps: poses and landmarks, taken from anything that has them, and compared with the truth."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ MapLike: TypeAlias = HasMap | tuple[ArrayLike, ArrayLike]
 
 @dataclass(frozen=True)
 class Errors:
-    """Root-mean-square differences between a map and the truth, after the similarity that fits all points best.
+    """Root-mean-square differences between a map and the truth, after alignment by a similarity.
 
     Attributes
     ----------
     position, landmark : float
-        Of the views' and the landmarks' positions [length of the truth]. NaN where there are none to compare.
+        Errors of the positions of views and of landmarks [length of the truth]. NaN where there are none to compare.
     heading : float
-        Of the views' headings [rad].
+        Error of the headings [rad].
     radius : float
-        Root-mean-square distance of the true landmarks that were compared from their middle [length of the truth].
+        Root-mean-square distance of the compared true landmarks from their centroid [length of the truth].
     """
 
     position: float
@@ -59,7 +59,7 @@ class Errors:
 
 
 def pick(name: str, value: MapLike, views: int | None = None, landmarks: int | None = None) -> Map:
-    """The poses and landmarks of a map of the given size."""
+    """The poses and landmarks of anything that has them, checked to be of the given size."""
     if isinstance(value, tuple):
         if len(value) != 2:
             raise InvalidInputError(f"{name}: expected (poses, landmarks), got a tuple of {len(value)}")
@@ -77,18 +77,18 @@ def pick(name: str, value: MapLike, views: int | None = None, landmarks: int | N
 
 
 def register(source: Map, target: Map) -> Similarity:
-    """Similarity that takes all points of one map, of views and landmarks alike, closest to those of another."""
+    """Similarity that best aligns all points of one map, views and landmarks alike, with those of another."""
     points = [np.concatenate([one.poses[:, :2], one.landmarks]) for one in (source, target)]
     known = np.isfinite(points[0] + points[1]).all(axis=1)
     if known.sum() < 2:
         raise InvalidInputError(
-            f"truth: expected places of two views or landmarks of the map, or more, got {int(known.sum())}"
+            f"truth: expected the positions of at least two views or landmarks of the map, got {int(known.sum())}"
         )
     return align(points[0][known], points[1][known])
 
 
 def compare(estimate: MapLike, truth: MapLike) -> Errors:
-    """Errors of a map, what it leaves unknown apart."""
+    """Errors of the views and landmarks that a map and the truth both have."""
     target = pick("truth", truth)
     source = pick("estimate", estimate, len(target.poses), len(target.landmarks))
     similarity = register(source, target)

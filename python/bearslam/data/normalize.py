@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Every kind of problem, a dense table or sparse sightings, in the one form that the core takes."""
+"""Problems of any kind, dense or sparse, in the one form that the core takes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from bearslam.errors import InvalidInputError
 __all__ = ["GAPS", "DenseOrSparse", "normalize"]
 
 PAIRS = 2**33
-"""Pairs of a view and a landmark, one bit each in the core: 1 GB."""
+"""Most pairs of a view and a landmark: one bit each in the core, 1 GB."""
 GAPS = 1000
-"""Views or landmarks for each sighting, motion or prior beyond which an index is a slip."""
+"""Most views or landmarks per sighting, motion or prior: beyond that an index is most likely a slip."""
 
 Entry = TypeVar("Entry", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
 class DenseOrSparse:
-    """Any problem in the one form that the core takes, and the way back to the form it came in."""
+    """A problem as the core takes it, with the way back to the dense or sparse form in which it was given."""
 
     views: int
     landmarks: int
@@ -37,7 +37,7 @@ class DenseOrSparse:
     landmark_ids: tuple[str, ...] | None = None
 
     def restore(self, values: NDArray[Entry], missing: float | bool = np.nan) -> NDArray[Entry]:
-        """Values per sighting in the shape of the problem: (m, n), filled up where nothing was seen, or (k,)."""
+        """Values per sighting in the shape of the problem: (m, n), with `missing` where nothing was seen, or (k,)."""
         if not self.dense:
             return values
         table = np.full((self.views, self.landmarks), missing, dtype=values.dtype)
@@ -46,10 +46,10 @@ class DenseOrSparse:
 
 
 def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, landmarks: int = 0) -> DenseOrSparse:
-    """The sightings of any kind of problem, checked, with a standard deviation each.
+    """The sightings of a problem of any kind, checked, each with its standard deviation.
 
-    Plain `Sightings` do not say how many views and landmarks there are: there may be `views` and `landmarks` if that is
-    more than they see.
+    `Sightings` do not say how many views and landmarks there are: `views` and `landmarks` apply where they are more
+    than the sightings have.
     """
     if isinstance(problem, Problem):
         table = normalize(

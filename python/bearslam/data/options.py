@@ -20,7 +20,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 Loss: TypeAlias = Literal["squared", "huber", "cauchy", "truncated"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
 CovarianceFrame: TypeAlias = Literal["first_view", "free_network", "priors"]
-"""What is held while the rest varies."""
+"""The gauge in which covariances are stated."""
 FRAMES: tuple[CovarianceFrame, ...] = get_args(CovarianceFrame)
 
 
@@ -34,7 +34,7 @@ def search(
     swept: SupportsIndex = 0,
     robust: bool = False,
 ) -> RawSearch:
-    """How a first map is found."""
+    """Options of the search for an initial map."""
     return {
         "method": choice("method", method, METHODS),
         "triples": whole("triples", triples, 1),
@@ -54,7 +54,7 @@ def refinement(
     damping: SupportsFloat = 1e-4,
     tolerance: SupportsFloat = 1e-10,
 ) -> RawRefine:
-    """How it is refined."""
+    """Options of the refinement."""
     if loss_scale is not None and choice("loss", loss, LOSSES) == "squared":
         raise InvalidInputError(f"loss_scale: expected None, for squares have no width, got {quote(loss_scale)}")
     return {
@@ -67,7 +67,7 @@ def refinement(
 
 
 def frame(covariance: bool | CovarianceFrame) -> str | None:
-    """The frame of the covariances as the core calls it, None for no covariances."""
+    """Name that the core has for the frame of the covariances; None for no covariances."""
     if isinstance(covariance, bool | np.bool_):
         return "fitting" if covariance else None
     if covariance not in FRAMES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What is known besides bearings: odometry, poses, landmarks, each with its uncertainty."""
+"""Measurements besides bearings: odometry, and priors on poses and landmarks, each with its uncertainty."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from bearslam.errors import InvalidInputError
 __all__ = ["LandmarkPriors", "Odometry", "PosePriors", "noise", "set_read_only"]
 
 RANGE = (1e-100, 1e100)
-"""Standard deviations whose squares, and theirs in turn, are numbers."""
+"""Standard deviations whose fourth powers a double can hold."""
 ASYMMETRY = 1e-5
-"""Largest difference of two entries of a covariance that should be the same, over the largest entry: files give six
+"""Largest difference between two entries of a covariance that should be equal, over the largest entry. Files state six
 digits or more."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Odometry:
-    """Measured motions from one view to another: one entry per motion, in parallel arrays.
+    """Measured motions between views: one entry per motion, in parallel arrays.
 
     Parameters
     ----------
     start, end : (k,) array_like of int
-        0-based indices of the views between which the robot has moved. Any two views, not only neighbours; the same
-        pair may come more than once.
+        0-based indices of the views at the start and the end of each motion. They need not be consecutive, and a pair
+        may be repeated.
     delta : (k, 3) array_like of float
         Pose (x, y, theta) of `end` in the frame of `start` [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
-        Standard deviations of x, y and theta, for all motions or for each, or covariances. Those of x and y are along
-        the axes of the measured end [length, rad].
+        Standard deviations of x, y and theta, for all motions or for each, or covariances, in the axes of the measured
+        end pose [length, rad].
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, a motion goes from a view to itself, a number is not finite, or a standard deviation or
-        covariance is not positive (definite).
+        If lengths differ, a motion starts and ends at the same view, a number is not finite, or a standard deviation
+        or covariance is not positive (definite).
 
     Examples
     --------
@@ -81,7 +81,7 @@ class Odometry:
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class PosePriors:
-    """Poses that are known beforehand, in the map frame: a start that was surveyed, a compass, a GNSS receiver.
+    """Priors on poses in the map frame: a surveyed start, a compass, a GNSS receiver.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class PosePriors:
         Their poses (x, y, theta) [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
         Standard deviations of x, y and theta in the map frame, for all or for each, or covariances [length, rad]. An
-        infinite one is for what is not known: ``[inf, inf, 0.02]`` is a compass.
+        infinite one means that nothing is known of the coordinate: ``[inf, inf, 0.02]`` is a compass.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class PosePriors:
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class LandmarkPriors:
-    """Landmarks whose position is known beforehand, in the map frame: beacons, survey points.
+    """Priors on the positions of landmarks in the map frame: beacons, survey points.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class LandmarkPriors:
 
 
 def set_read_only(owner: object, **fields: IntArray | FloatArray) -> None:
-    """Set fields of a frozen dataclass to read-only copies."""
+    """Set fields of a frozen dataclass to read-only copies of arrays."""
     for name, values in fields.items():
         own = values.copy()
         own.flags.writeable = False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A problem: sightings with names, and what else is known of views and landmarks."""
+"""A problem: sightings, the names of views and landmarks, odometry and priors."""
 
 from __future__ import annotations
 
@@ -20,43 +20,43 @@ from bearslam.errors import InvalidInputError
 __all__ = ["FIXED", "Problem", "ProblemLike"]
 
 FIXED = 1e-6
-"""Standard deviation of what a file says is fixed [length, rad]."""
+"""Standard deviation of views and landmarks that a file declares fixed [length, rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Problem:
-    """All that a file says: sightings, names, and what else is known of views and landmarks.
+    """Everything a file says: sightings, names, odometry, priors and a first guess.
 
     Parameters
     ----------
     sightings : Sightings
-        Who saw what.
+        Which view saw which landmark, and at which bearing.
     view_ids, landmark_ids : iterable of str
-        One name per view and per landmark: distinct, not empty, on one line, without blanks around it. There may be
-        more of them than the sightings have: views that see nothing are carried by odometry and priors.
+        One name per view and per landmark: distinct, not empty, on one line, without surrounding blanks. There may be
+        more names than the sightings use: views without sightings can be placed by odometry and priors.
     odometry : Odometry, optional
         Measured motions between views.
     pose_priors : PosePriors, optional
-        Poses known beforehand.
+        Priors on poses.
     landmark_priors : LandmarkPriors, optional
-        Landmarks known beforehand.
+        Priors on landmarks.
     start : map, or (poses, landmarks), optional
-        First guess: poses (m, 3) and landmarks (n, 2), NaN where there is none. `refine` starts there; `solve` does not
-        look at it.
+        First guess: poses (m, 3) and landmarks (n, 2), NaN where there is none. `refine` starts from it; `solve`
+        ignores it.
     fixed_views, fixed_landmarks : iterable of int
-        0-based indices of what stays where `start` says, as if it were known to 1e-6 [length, rad].
+        0-based indices of views and landmarks held at `start`, with a standard deviation of 1e-6 [length, rad].
     offsets : Offsets, optional
-        Ranges that came with bearings. They are kept for files, and not used.
+        Ranges measured together with bearings. They are kept for files and not used.
     remarks : iterable of str
-        What the file says besides that is not in the problem, one line of text each.
+        Notes on what was left out on reading the file, one line of text each.
     others : iterable of str
-        Lines of the file that are not understood, which `save` to the same format writes back as they are.
+        Lines of the file with tags that are not used; `save` to the same format writes them back unchanged.
 
     Raises
     ------
     InvalidInputError
-        If there are fewer names than views or landmarks, a name is none, something belongs to a view, landmark or
-        sighting that there is not, or what is fixed has no place in `start`.
+        If there are fewer names than views or landmarks, a name is not valid, an index is out of range, or a fixed view
+        or landmark has no place in `start`.
     """
 
     sightings: Sightings
@@ -143,11 +143,11 @@ class Problem:
         return text + ">"
 
     def bearings_only(self) -> Problem:
-        """The same sightings and names, and nothing else."""
+        """The same sightings and names, without odometry, priors and anything else."""
         return Problem(self.sightings, self.view_ids, self.landmark_ids)
 
     def known_poses(self) -> PosePriors | None:
-        """Pose priors, with what is fixed among them."""
+        """Pose priors, fixed views included."""
         if not self.fixed_views or self.start is None:
             return self.pose_priors
         view = np.array(self.fixed_views)
@@ -160,7 +160,7 @@ class Problem:
         return PosePriors(view, pose, sigma)
 
     def known_landmarks(self) -> LandmarkPriors | None:
-        """Landmark priors, with what is fixed among them."""
+        """Landmark priors, fixed landmarks included."""
         if not self.fixed_landmarks or self.start is None:
             return self.landmark_priors
         landmark = np.array(self.fixed_landmarks)
@@ -174,7 +174,7 @@ class Problem:
 
 
 ProblemLike: TypeAlias = ArrayLike | Sightings | Problem
-"""An (m, n) array of bearings with NaN for what was not seen, `Sightings`, or a `Problem`."""
+"""An (m, n) array of bearings with NaN where a view does not see a landmark, `Sightings`, or a `Problem`."""
 
 
 def _within(name: str, index: IntArray, count: int, what: str) -> None:
@@ -183,7 +183,7 @@ def _within(name: str, index: IntArray, count: int, what: str) -> None:
 
 
 def _alike(few: FloatArray, given: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviations (k, n) in the form of others: as they are, or as covariances (k, n, n)."""
+    """Standard deviations (k, n) in the form of others: unchanged, or as covariances (k, n, n)."""
     if given.ndim == 2:
         return few, given
     return few[:, :, None] ** 2 * np.eye(few.shape[1]), given

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Problems on their way into the core."""
+"""Requests to the core: a problem with its odometry and priors, checked."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 __all__ = ["Request"]
 
 LARGEST_SIGMA = 0.5
-"""Standard deviation above which a bearing says next to nothing [rad]: whoever states it has left it at its default."""
+"""Largest plausible standard deviation of a bearing [rad]: a larger one was most likely left at its default."""
 
 T = TypeVar("T")
 
 
 class Request:
-    """All that the core needs to know of a problem, checked, and the form in which it came."""
+    """A problem as the core takes it (`raw`), with what it takes to put the answer into the form of the problem."""
 
     def __init__(
         self,
@@ -81,7 +81,7 @@ class Request:
         }
 
     def require_sigma(self, what: str) -> None:
-        """Refuse standard deviations that are none: what weighs bearings against something needs real ones."""
+        """Refuse implausible standard deviations: what weighs bearings against something else needs the true ones."""
         sigma = self.table.sigma
         if (sigma > LARGEST_SIGMA).any():
             raise InvalidInputError(

@@ -15,18 +15,18 @@ from bearslam.errors import InvalidInputError
 __all__ = ["SIGMA_RANGE", "Offsets", "Sightings", "deviations"]
 
 SIGMA_RANGE = (1e-100, 1e100)
-"""Standard deviations whose squares, and theirs in turn, are numbers [rad]."""
+"""Standard deviations whose fourth powers a double can hold [rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Sightings:
-    """Who saw what, and in which direction: one entry per sighting, in parallel arrays.
+    """Which view saw which landmark, and at which bearing: one entry per sighting, in parallel arrays.
 
     Parameters
     ----------
     view, landmark : (k,) array_like of int
-        0-based indices of the view that saw and of the landmark that was seen. A view sees a landmark at most once.
-        There are as many views (landmarks) as the largest index says.
+        0-based indices of the view and of the landmark it saw. A view sees a landmark at most once. The largest index
+        tells how many views (landmarks) there are.
     bearing : (k,) array_like of float
         Directions in the frame of the view, counter-clockwise from its heading [rad]. Any finite angle.
     sigma : (k,) array_like of float, or float, optional
@@ -35,7 +35,7 @@ class Sightings:
     Raises
     ------
     InvalidInputError
-        If lengths differ, there is nothing in them, an index is negative or no integer, or a number is not finite.
+        If lengths differ, there are no sightings, an index is negative or not an integer, or a number is not finite.
 
     Examples
     --------
@@ -91,23 +91,23 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class Offsets:
-    """Positions of landmarks relative to views, as range finders give them: bearings that came with a range.
+    """Positions of landmarks relative to views: bearings that were measured together with a range.
 
-    bearslam uses the bearings only, which are among the sightings. Offsets are kept for the files they came from.
+    Only their bearings are used, which are among the sightings. Offsets are kept so that files can be written back.
 
     Parameters
     ----------
     sighting : (k,) array_like of int
-        0-based indices of the sightings that they belong to, each at most once.
+        0-based indices of the sightings they belong to, each at most once.
     position : (k, 2) array_like of float
-        Where the landmark is in the frame of the view: x ahead, y to the left [length].
+        Position of the landmark in the frame of the view: x ahead, y to the left [length].
     sigma : (2,), (k, 2) or (k, 2, 2) array_like of float
         Standard deviations of x and y, for all or for each, or covariances, in the frame of the view [length].
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, a number is not finite, a landmark is where the view is, or a standard deviation or
+        If lengths differ, a number is not finite, a landmark coincides with the view, or a standard deviation or
         covariance is not positive (definite).
 
     Examples
@@ -142,14 +142,14 @@ class Offsets:
 
     @property
     def bearing(self) -> FloatArray:
-        """Direction of each in the frame of the view (k,) [rad]."""
+        """Bearing of each landmark in the frame of the view (k,) [rad]."""
         x, y = self.position.T
         angles: FloatArray = np.arctan2(y, x)
         return angles
 
     @property
     def bearing_sigma(self) -> FloatArray:
-        """Standard deviation of that, to first order (k,) [rad]."""
+        """Standard deviation of each bearing, to first order (k,) [rad]."""
         x, y = self.position.T
         across = np.stack([-y, x], axis=1) / (x * x + y * y)[:, None]
         spread: FloatArray
@@ -161,7 +161,7 @@ class Offsets:
 
 
 def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_] | None = None) -> FloatArray:
-    """One standard deviation for all sightings or one for each, as one for each."""
+    """Standard deviations, one for each sighting, from one for all or one for each."""
     given = plain("sigma", sigma)
     one = given.ndim == 0
     values = floats("sigma", given, () if one else shape, missing=seen is not None and not one)

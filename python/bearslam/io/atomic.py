@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Files that are replaced in one step or not at all."""
+"""Files that are replaced in one step or not at all (atomic writes)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["replacing"]
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """File to write to, which takes the place of `path` when the block ends well and vanishes when it does not.
+    """A file to write to that replaces `path` if the block succeeds, and is deleted if it does not.
 
-    Links are followed, and the mode of an existing file is kept. Pipes and devices are written to as they are.
+    Links are followed, and the mode of an existing file is kept. Pipes and devices are written to directly.
     """
     target = Path(os.path.realpath(path))
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Files that gzip has compressed, up to a size that a small file may not pretend to exceed."""
+"""Files compressed by gzip, up to a limit of size that guards against decompression bombs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from bearslam.errors import InvalidInputError
 __all__ = ["GZIP", "decompressed"]
 
 GZIP = b"\x1f\x8b"
-"""How such files begin."""
+"""Magic bytes of gzip."""
 LIMIT = 2**31
-"""Bytes of a file that was compressed, beyond which it is not read."""
+"""Largest decompressed size [bytes]."""
 
 
 def decompressed(data: bytes, name: str) -> bytes:
-    """The content of a compressed file of that name."""
+    """The decompressed content of a file; the name is for errors."""
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
             content = file.read(LIMIT + 1)

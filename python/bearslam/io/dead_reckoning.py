@@ -19,13 +19,13 @@ Entry = TypeVar("Entry", bound=np.generic)
 
 
 class OdometryNoise(NamedTuple):
-    """How uncertain a motion is that took `t` seconds over `d` metres and turned by `a` radians, there and back added.
+    """Noise of a motion that took `t` seconds over a path of `d` metres, with turns of `a` radians in total.
 
     The standard deviation of x and y is ``sqrt(position_time^2 t + position_distance^2 d)``, that of the heading
-    ``sqrt(heading_time^2 t + heading_turn^2 a)``: random walks, so that two motions in a row are as uncertain as the
-    one that they make. The defaults are from set 7 against motion capture: errors of motions of 0.3 to 4 seconds,
-    over these, have a root mean square of 0.4 to 1.0 along x, of less across, and of 0.8 to 0.9 in heading, with the
-    logged turns 4 to 6 % too large as they are there.
+    ``sqrt(heading_time^2 t + heading_turn^2 a)``: random walks, so that two consecutive motions are as uncertain as the
+    one they compose. The defaults come from a comparison of set 7 with motion capture: errors of motions of 0.3 to 4
+    seconds, relative to these, have a root mean square of 0.4 to 1.0 along x, less along y, and 0.8 to 0.9 in heading,
+    with the logged turns 4 to 6 % too large, as they are there.
     """
 
     position_time: float = 0.01
@@ -35,7 +35,7 @@ class OdometryNoise(NamedTuple):
 
 
 NOISE = OdometryNoise()
-"""That of set 7."""
+"""Noise of data set 7."""
 
 
 def checked_noise(given: OdometryNoise | tuple[float, float, float, float]) -> OdometryNoise:
@@ -80,7 +80,7 @@ def dead_reckoning(
         x, y and theta of each motion, and their standard deviations [m, rad].
     """
     covered = (times >= begin[0]) & (times <= begin[-1])
-    # Between these times the command is one: the robot goes along an arc.
+    # Between these times the command is constant, and the robot moves along an arc.
     ticks = np.union1d(begin, times)
     command = np.maximum(np.searchsorted(begin, ticks[:-1], side="right") - 1, 0)
     duration = np.diff(ticks)
@@ -98,6 +98,6 @@ def dead_reckoning(
 
 
 def _sums(values: NDArray[Entry]) -> NDArray[Entry]:
-    """Sums of the first none, one, two and so on."""
+    """Cumulative sums, starting with 0."""
     sums: NDArray[Entry] = np.concatenate([np.zeros(1, dtype=values.dtype), np.cumsum(values)])
     return sums

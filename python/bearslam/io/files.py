@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Problems and maps in files."""
+"""Loading problems, and saving problems and maps, in any of the formats."""
 
 from __future__ import annotations
 
@@ -35,28 +35,27 @@ def load(
     r"""Read a problem: CSV, g2o, or a text graph of TORO or GTSAM, each compressed by gzip or not; a folder of MRCLAM.
 
     A CSV file has sightings only. Its first line names the columns, in any order: ``view``, ``landmark``, ``bearing``
-    [rad] or ``bearing_deg``, and if need be ``sigma`` [rad] or ``sigma_deg``. Views and landmarks go by any names, and
-    are numbered in the order in which they come first. Empty lines and lines that start with ``#`` are skipped.
+    [rad] or ``bearing_deg``, and optionally ``sigma`` [rad] or ``sigma_deg``. Views and landmarks may have any names,
+    and are numbered in the order in which they first appear. Empty lines and lines that start with ``#`` are skipped.
 
-    The graphs have poses, landmarks, motions and what is known beforehand as well, in any order of lines. Lines with
-    tags that are not used are counted in `Problem.remarks`, and those of g2o kept.
+    Graphs have poses, landmarks, motions and priors as well, in any order of lines. Lines with tags that are not used
+    are counted in `Problem.remarks`, and those of g2o are kept.
 
     Parameters
     ----------
     path : str, path or binary file
-        What to read, in UTF-8.
+        File or folder to read. Text is in UTF-8.
     format : {"csv", "g2o", "graph"}, optional
-        By default what the ending says (``.csv``, ``.g2o``, ``.graph`` or ``.toro``, with ``.gz`` behind it or not), or
-        else the content.
+        Format of the file; by default told by the ending (``.csv``, ``.g2o``, ``.graph`` or ``.toro``, optionally with
+        ``.gz``), or else by the content.
     noise : {"auto", "toro", "graph", "cov", "g2o"}
-        What the numbers are that end the motions of a text graph, and in which order: information for "toro" (xx xy yy
+        Meaning and order of the last six numbers of motions in a text graph: information for "toro" (xx xy yy
         tt xt yt) and "g2o" (xx xy xt yy yt tt), covariances for "graph" and "cov" in the same two orders. "auto" takes
         the information of TORO in a file that ends in ``.toro`` and has no ``ODOMETRY``, in others covariances, as
         GTSAM does, and tells their order by the zeros.
     sensor : (2,) or (3,) array_like of float, optional
-        Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, where the file has positions of
-        landmarks in the latter. The views are then poses of the sensor, and bearings those that it has seen [length,
-        rad].
+        Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, if the file has positions of landmarks
+        in the latter. Views are then poses of the sensor, and bearings those that it measured [length, rad].
     **folder
         For folders of the UTIAS MRCLAM data sets, the options of `bearslam.io.mrclam.read`: ``robots``, ``start``,
         ``end``, ``every`` and more.
@@ -64,13 +63,13 @@ def load(
     Returns
     -------
     Problem
-        What the file says.
+        The content of the file.
 
     Raises
     ------
     InvalidInputError
-        If there are no sightings, or a line cannot be read or says again what an earlier one has said; with file and
-        line number. If `noise` has to be given, or bearings without a range cannot be moved to the sensor.
+        If there are no sightings, or a line cannot be parsed or repeats an earlier one, with file and line number; if
+        `noise` must be given, or bearings without a range cannot be converted to the sensor.
     OSError
         If the file cannot be opened.
 
@@ -122,7 +121,7 @@ def load(
     if found == "g2o":
         problem = g2o.parse(data, name)
     elif found == "graph":
-        # Lines ODOMETRY are GTSAM's, whatever the ending.
+        # ODOMETRY is a tag of GTSAM, whatever the ending.
         toro = noise == "auto" and ending == ".toro" and b"ODOMETRY" not in data
         problem = text_graph.parse(data, name, "toro" if toro else noise)
     else:
@@ -136,21 +135,21 @@ def save(what: Estimate | ProblemLike, path: str | os.PathLike[str], *, robot: s
     Parameters
     ----------
     what : Problem, Sightings, (m, n) array_like of float, or Reconstruction
-        What to write. Without names, views and landmarks go by their numbers, in a g2o file landmarks by those after
-        the views'.
+        What to write. Without names, views and landmarks are identified by their numbers; in a g2o file those of
+        landmarks follow those of views.
     path : str or path
-        Ends in ``.g2o`` for all that a problem has, where sightings have standard deviations; or in ``.csv`` for
-        sightings alone. For a reconstruction ``.json`` has all that belongs to it, ``.csv`` the map, and ``.g2o`` the
-        map and what it was made from, to go on with. ``.tum`` has the trajectory of a reconstruction, or of the start
-        of a problem. An existing file is replaced in one step, never left half written.
+        File to write. Of a problem, ``.g2o`` keeps everything, if sightings have standard deviations, and ``.csv`` the
+        sightings alone. Of a reconstruction, ``.json`` keeps everything, ``.csv`` the map, and ``.g2o`` the map and the
+        measurements. ``.tum`` has the trajectory of a reconstruction, or of the start of a problem. An existing file is
+        replaced in one step and never left half written.
     robot : str or int, optional
-        For ``.tum``: whose views to write, if the names of views, ``robot@time``, are of several robots.
+        For ``.tum``: the robot whose views to write, if the names of views, ``robot@time``, are of several robots.
 
     Raises
     ------
     InvalidInputError
-        If the name ends in something else, the format cannot hold all of `what`, `what` is none of these, or it takes a
-        robot to write a trajectory.
+        If the name has another ending, the format cannot hold all of `what`, `what` is of another type, or a trajectory
+        needs a robot.
     OSError
         If the file cannot be written.
 
@@ -182,7 +181,7 @@ def save(what: Estimate | ProblemLike, path: str | os.PathLike[str], *, robot: s
 
 
 def save_truth(scene: HasMap, path: str | os.PathLike[str]) -> None:
-    """Write the poses and landmarks of a scene in the formats of a reconstruction, without what it adds to them."""
+    """Write the poses and landmarks of a scene, in the formats of a reconstruction."""
     _write(path, map_file.as_csv(scene) if ending_of(path, TRUTHS) == ".csv" else map_file.truth_as_json(scene))
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The format of g2o, for poses and landmarks in the plane.
 
-What g2o has no words for stands in comments at the end of lines, which `parse` understands and g2o and GTSAM pass over:
-``# bearslam name front door`` behind a vertex, ``# bearslam unknown`` behind one of which nothing is known, and ``#
-bearslam sigma ...`` or ``# bearslam covariance ...`` (an upper triangle, row by row) behind an edge with information
-from which it would not come back exactly.
+What the format lacks is stated in comments at the end of lines, which `parse` reads and g2o and GTSAM ignore:
+``# bearslam name front door`` after a vertex, ``# bearslam unknown`` after a vertex without a known place, and
+``# bearslam sigma ...`` or ``# bearslam covariance ...`` (an upper triangle, row by row) after an edge whose
+information does not restore the noise exactly.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ TAGS = {
 }
 """Identifiers and numbers after a tag."""
 TAG = re.compile(r"[A-Z][A-Z0-9_:]*")
-"""What may be a tag of somebody else's."""
+"""Pattern of tags, including those of other programs."""
 LARGEST = 2**31
-"""Beyond the identifiers of g2o."""
+"""Upper bound of the identifiers of g2o."""
 AGREEMENT = 1e-9
-"""How far the information of an edge may be from what a comment above it says, in parts of the information."""
+"""Largest relative difference between the information of an edge and that of its comment."""
 FOREIGN = ("VERTEX2", "VERTEX", "EDGE2", "EDGE", "ODOMETRY", "LANDMARK", "BR")
-"""Tags of the text graphs of TORO and GTSAM, which do not belong here."""
+"""Tags of the text graphs of TORO and GTSAM."""
 NOTHING = "no EDGE_BEARING_SE2_XY or EDGE_SE2_XY"
 
 
 def parse(data: bytes, name: str) -> Problem:
-    """The problem in the content of a file of that name."""
+    """The problem in the content of a file; the name is for errors."""
     return _built(data, name).problem(NOTHING, "kept but not used", keep=True)
 
 
 def vertices(data: bytes, name: str) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """Poses and landmarks alone, by their names; those without a place are left out."""
+    """Poses and landmarks alone, by name; those without a known place are left out."""
     graph = _built(data, name)
     poses, points = (
         {graph.names.get(key, key): np.array(values) for key, (_, values) in some.items() if key not in graph.unknown}
@@ -160,7 +160,7 @@ def _edge(
 
 
 def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str) -> EdgeNoise:
-    """Noise from a comment, if it is that of the edge."""
+    """Noise from a comment, which must agree with the information of the edge."""
     kind, texts = said[0], said[1:]
     size = 3 if len(stated) == 6 else 2
     wanted = {"sigma": size, "covariance": len(stated)}.get(kind)
@@ -190,7 +190,7 @@ def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str)
 
 
 def render(what: Estimate | ProblemLike) -> str:
-    """The content of a file that holds a problem, or a map with all that it was made from."""
+    """The content of a file with a problem, or with a map and its measurements."""
     problem = _problem(what)
     seen = problem.sightings
     if seen.sigma is None:
@@ -201,7 +201,7 @@ def render(what: Estimate | ProblemLike) -> str:
     _check(problem, seen)
     named, view_keys, landmark_keys = _keys(problem)
     starts = (None, None) if problem.start is None else problem.start
-    # GTSAM reads no further than a comment or FIX that comes before a motion.
+    # GTSAM stops reading at a comment or FIX that comes before a motion.
     lines = list(_vertices("VERTEX_SE2", view_keys, starts[0], problem.view_ids if named else None))
     lines += _vertices("VERTEX_XY", landmark_keys, starts[1], problem.landmark_ids if named else None)
     if (odometry := problem.odometry) is not None:
@@ -253,7 +253,7 @@ def _problem(what: Estimate | ProblemLike) -> Problem:
 
 
 def _check(problem: Problem, seen: Sightings) -> None:
-    """Refuse what would not come back."""
+    """Refuse what reading the file would not restore."""
     if problem.start is not None:
         for name, rows in zip(("poses", "landmarks"), problem.start, strict=True):
             missing = np.isnan(rows)
@@ -276,7 +276,7 @@ def _check(problem: Problem, seen: Sightings) -> None:
 
 
 def _keys(problem: Problem) -> tuple[bool, Sequence[str], Sequence[str]]:
-    """Whether vertices have to be named, and their identifiers: the names where these will do, or else numbers."""
+    """Whether vertices need names in comments, and their identifiers: the names if they are valid, else numbers."""
     names = (*problem.view_ids, *problem.landmark_ids)
     if len(set(names)) == len(names) and all(map(_is_key, names)):
         return False, problem.view_ids, problem.landmark_ids

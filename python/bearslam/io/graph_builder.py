@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A problem put together from the vertices and edges of a graph file, whatever the order of its lines."""
+"""Assembly of a problem from the vertices and edges of a graph file, in any order of lines."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class _Edge(NamedTuple):
 
 
 class GraphBuilder:
-    """What the lines of a file say, by the identifiers they use.
+    """Vertices and edges of a file by their identifiers.
 
     Parameters
     ----------
     name : str
-        The file, for errors.
+        Name of the file, for errors.
     shared : bool
-        Whether poses and landmarks share their identifiers, so that none may stand for both.
+        Whether poses and landmarks share one set of identifiers.
     """
 
     def __init__(self, name: str, *, shared: bool) -> None:
@@ -49,7 +49,7 @@ class GraphBuilder:
         self.unknown: set[str] = set()
         self.fixed: list[tuple[int, str]] = []
         self.others: list[tuple[str, str]] = []
-        # Where each is used first: line, and place on the line.
+        # First use of each: line, and position on the line.
         self._views: dict[str, tuple[int, int]] = {}
         self._landmarks: dict[str, tuple[int, int]] = {}
         self._seen: dict[tuple[str, str], int] = {}
@@ -82,7 +82,7 @@ class GraphBuilder:
         self._motions.append(_Edge(line, ends, delta, spread))
 
     def bearing(self, line: int, ends: tuple[str, str], bearing: float, sigma: float) -> None:
-        """A sighting that is a bearing."""
+        """A sighting with a bearing."""
         self._sighting(line, ends)
         low, high = SIGMA_RANGE
         if not low <= sigma <= high:
@@ -93,14 +93,14 @@ class GraphBuilder:
         self._bearings.append((bearing, sigma))
 
     def check_turn(self, line: int, bearing: float) -> None:
-        """Refuse what is no angle in radians: degrees, most likely."""
+        """Refuse a bearing beyond one turn, which is most likely in degrees."""
         if abs(bearing) > math.tau:
             raise InvalidInputError(
                 f"{self.where(line)}: expected a bearing in radians within one turn, got {bearing:g}: degrees?"
             )
 
     def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: EdgeNoise) -> None:
-        """A sighting that is a position in the frame of the pose."""
+        """A sighting with a position in the frame of the pose."""
         self._sighting(line, ends)
         low, high = SIGMA_RANGE
         distance = math.hypot(*position)
@@ -114,26 +114,26 @@ class GraphBuilder:
         self._bearings.append((np.nan, np.nan))
 
     def pose_prior(self, line: int, key: str, pose: tuple[float, ...], spread: EdgeNoise) -> None:
-        """An edge that holds a pose."""
+        """A prior on a pose."""
         self._view(line, key)
         self._pose_priors.append(_Edge(line, (key,), pose, spread))
 
     def point_prior(self, line: int, key: str, position: tuple[float, ...], spread: EdgeNoise) -> None:
-        """An edge that holds a landmark."""
+        """A prior on a landmark."""
         self._landmark(line, key)
         self._point_priors.append(_Edge(line, (key,), position, spread))
 
     def problem(self, nothing: str, fate: str, *, keep: bool) -> Problem:
-        """All of it.
+        """The assembled problem.
 
         Parameters
         ----------
         nothing : str
-            What is missing where there are no sightings.
+            What the file lacks if there are no sightings, for the error.
         fate : str
-            What becomes of the lines with other tags.
+            What happens to lines with other tags, for the remarks.
         keep : bool
-            Whether the problem keeps them.
+            Whether the problem keeps these lines.
         """
         views, landmarks = _order(self.poses, self._views), _order(self.points, self._landmarks)
         if self.shared:
@@ -263,7 +263,7 @@ class GraphBuilder:
             rows.append([[upper[i] for i in row] for row in INDEX[len(upper)]])
         matrices = np.array(rows)
         diagonal = np.eye(matrices.shape[1], dtype=bool)
-        if not matrices[:, ~diagonal].any():  # correlations too small for doubles
+        if not matrices[:, ~diagonal].any():  # correlations that underflow
             spread: FloatArray = np.sqrt(matrices[:, diagonal])
             return spread
         least = np.linalg.eigvalsh(matrices)[:, 0]
@@ -276,5 +276,5 @@ class GraphBuilder:
 
 
 def _order(vertices: Iterable[str], used: dict[str, tuple[int, int]]) -> dict[str, int]:
-    """Identifiers in the order of their vertices, those without after them in that of their use in the file."""
+    """Indices by identifier: in the order of vertices, then in the order of first use for those without one."""
     return {key: index for index, key in enumerate(dict.fromkeys([*vertices, *sorted(used, key=used.__getitem__)]))}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Maps handed over to GTSAM. See `Reconstruction.to_gtsam`."""
+"""Maps as graphs of GTSAM; see `Reconstruction.to_gtsam`."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bearslam.data.estimate import Estimate, per_sighting
 __all__ = ["to_gtsam"]
 
 HELD = 1e-4
-"""Standard deviation of what is held by convention [rad, or share of the size of the map]."""
+"""Standard deviation of the priors that fix the gauge [rad, or share of the size of the map]."""
 RANK = 1e-8
-"""Freedom of the whole map below which nothing is left of it; lengths are shares of its size."""
+"""Singular value below which a gauge freedom counts as fixed; lengths are shares of the size of the map."""
 
 
 def to_gtsam(result: Estimate) -> tuple[Any, Any]:
-    """Factors and values of a reconstruction."""
+    """Factors and initial values of a reconstruction."""
     try:
         gtsam: Any = importlib.import_module("gtsam")
     except ImportError as error:
@@ -29,7 +29,7 @@ def to_gtsam(result: Estimate) -> tuple[Any, Any]:
 
 
 class _Builder:
-    """One graph under construction: the parts that are determined, and how the whole may still move."""
+    """A graph under construction, with the gauge freedom that is left."""
 
     def __init__(self, result: Estimate, gtsam: Any) -> None:
         self.result, self.gtsam = result, gtsam
@@ -39,7 +39,7 @@ class _Builder:
         points = np.concatenate([result.poses[self.views, :2], result.landmarks[self.landmarks]])
         self.middle = points.mean(axis=0)
         self.size = float(np.sqrt(((points - self.middle) ** 2).sum(axis=1).mean()))
-        # Rows: what changes that is known, over shifts along x and y, a turn about the middle and a change of scale.
+        # Rows: derivatives of what is known by translation along x and y, rotation about the centroid, and scale.
         self.known: FloatArray = np.zeros((0, 4))
 
     def build(self) -> tuple[Any, Any]:
@@ -66,7 +66,7 @@ class _Builder:
         sigma = np.ones(len(seen)) if seen.sigma is None else seen.sigma
         used = per_sighting(result, result.inliers) & self.views[seen.view] & self.landmarks[seen.landmark]
         bearing = seen.bearing.copy()
-        if not result.oriented:  # of a line, the end that the landmark is on
+        if not result.oriented:  # the direction of a line towards the landmark
             away = result.landmarks[seen.landmark] - result.poses[seen.view, :2]
             ahead = np.arctan2(away[:, 1], away[:, 0]) - result.poses[seen.view, 2]
             bearing[np.cos(ahead - bearing) < 0] += np.pi
@@ -103,7 +103,7 @@ class _Builder:
                 self.graph.add(self.gtsam.PriorFactorPose2(key, self.gtsam.Pose2(*pose), noise))
                 self._know(there, heading)
                 continue
-            # In parts, which GTSAM has in the axes of the map.
+            # Position and heading separately, in the axes of the map.
             known = np.isfinite(sigma)
             if known[:2].any():
                 noise = self._noise(sigma[:2])
@@ -124,7 +124,7 @@ class _Builder:
                 self._know(self._place(self.result.landmarks[j]))
 
     def _hold(self) -> None:
-        """Hold what is open where it is in the map: that costs nothing there, so that the optimum stays the same."""
+        """Fix the remaining gauge freedom at the map, with zero cost there, so that the optimum does not change."""
         views = np.flatnonzero(self.views).tolist()
         if not views:
             return
@@ -146,24 +146,24 @@ class _Builder:
             self.graph.add(self.gtsam.PoseTranslationPrior2D(self._x(first), pose, self._noise(held)))
 
     def _place(self, point: FloatArray) -> FloatArray:
-        """How a point moves with the whole map."""
+        """Derivative of a point by the gauge of the whole map."""
         x, y = (point - self.middle) / self.size
         return np.array([[1.0, 0, -y, x], [0, 1, x, y]])
 
     def _know(self, *rows: FloatArray) -> None:
         self.known = np.concatenate([self.known, *rows])
         if len(self.known) > 4:
-            # As much is known, in four rows.
+            # The same information in four rows.
             self.known = np.linalg.qr(self.known).R
 
     def _frees(self, rows: FloatArray) -> bool:
-        """Whether the whole map can move in a way that changes this; from now on it is known."""
+        """Whether these rows depend on a gauge freedom that is left; from now on they are known."""
         before = np.linalg.matrix_rank(self.known, tol=RANK) if len(self.known) else 0
         self._know(rows)
         return bool(np.linalg.matrix_rank(self.known, tol=RANK) > before)
 
     def _noise(self, sigma: FloatArray) -> Any:
-        """Noise of standard deviations, of which some may be infinite, or of a covariance."""
+        """Noise model of standard deviations, some of which may be infinite, or of a covariance."""
         models = self.gtsam.noiseModel
         if sigma.ndim == 2:
             return models.Gaussian.Covariance(sigma)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Information, as files state it in decimals, into standard deviations and covariances, and back without loss.
+"""Conversion of information, in decimals, to standard deviations and covariances, and back without loss.
 
-Information is the inverse of a covariance. Inverted twice in floating point a number is seldom what it was. So files
-are read with more digits than they have and rounded once, and written with as many digits as it takes to come back.
+Information is the inverse of a covariance. A number inverted twice in floating point is rarely restored. Files are
+therefore read with extra digits and rounded once, and written with as many digits as restore the number.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from functools import lru_cache
 __all__ = ["covariance", "information", "informations", "is_diagonal", "sigma"]
 
 EXACT = Context(prec=120, Emax=MAX_EMAX, Emin=MIN_EMIN)
-"""Three times the digits of the longest numbers that are written, and more."""
+"""More than three times the digits of the longest numbers that are written."""
 DIGITS = (20, 25, 30, 35, 40)
-"""Significant digits that are tried where those of a double do not suffice."""
+"""Numbers of significant digits to try if those of a double do not suffice."""
 INDEX = {3: ((0, 1), (1, 2)), 6: ((0, 1, 2), (1, 3, 4), (2, 4, 5))}
-"""Where the rows of a symmetric matrix are in its upper triangle of 3 or 6 numbers."""
+"""Indices of the rows of a symmetric matrix in its upper triangle of 3 or 6 numbers."""
 
 
 @lru_cache(2**16)
 def sigma(text: str) -> float:
-    """The standard deviation of an information above 0: the double next to 1/sqrt(information)."""
+    """Standard deviation of an information above 0: the double nearest to 1/sqrt(information)."""
     return float(EXACT.divide(Decimal(1), EXACT.sqrt(EXACT.create_decimal(text))))
 
 
 @lru_cache(2**16)
 def information(deviation: float) -> str:
-    """The information of a standard deviation above 0, which `sigma` takes back to that."""
+    """Information of a standard deviation above 0, which `sigma` restores exactly."""
     exact = EXACT.divide(Decimal(1), EXACT.power(Decimal(deviation), Decimal(2)))
     for text in _shorter(exact):
         if sigma(text) == deviation:
@@ -40,9 +40,9 @@ def information(deviation: float) -> str:
 
 @lru_cache(2**16)
 def covariance(texts: tuple[str, ...]) -> tuple[float, ...] | None:
-    """Upper triangle, row by row, of the inverse of a matrix that is given by its own.
+    """Upper triangle of a covariance, row by row, from that of the information.
 
-    None if the matrix is not positive definite, or the inverse is beyond what doubles hold.
+    None if the matrix is not positive definite, or its inverse exceeds the range of doubles.
     """
     inverse = _inverse([EXACT.create_decimal(text) for text in texts])
     if inverse is None:
@@ -53,14 +53,14 @@ def covariance(texts: tuple[str, ...]) -> tuple[float, ...] | None:
 
 @lru_cache(2**16)
 def informations(values: tuple[float, ...]) -> tuple[tuple[str, ...], bool]:
-    """Upper triangle of the inverse of a covariance that is given by its own, and whether `covariance` takes it back.
+    """Upper triangle of the information from that of a covariance, and whether `covariance` restores it exactly.
 
-    It does not where a 0 of the covariance is none of its inverse, or the covariance is next to singular.
+    It does not if the covariance is nearly singular, or has a zero where the information has none.
 
     Raises
     ------
     ArithmeticError
-        If the matrix is not positive definite, or its inverse is beyond what doubles hold.
+        If the matrix is not positive definite, or its inverse exceeds the range of doubles.
     """
     inverse = _inverse([Decimal(value) for value in values])
     if inverse is None or not all(math.isfinite(float(value)) for value in inverse):
@@ -73,7 +73,7 @@ def informations(values: tuple[float, ...]) -> tuple[tuple[str, ...], bool]:
 
 
 def is_diagonal(values: Sequence[float] | Sequence[Decimal]) -> bool:
-    """Whether all numbers of an upper triangle are 0 but those of the diagonal."""
+    """Whether an upper triangle is zero off the diagonal."""
     return not any(values[i] for row in range(len(INDEX[len(values)])) for i in INDEX[len(values)][row][row + 1 :])
 
 
@@ -103,7 +103,7 @@ def _inverse(values: Sequence[Decimal]) -> list[Decimal] | None:
 
 
 def _shorter(value: Decimal) -> list[str]:
-    """A number with more and more digits."""
+    """A number with an increasing number of digits."""
     if not value:
         return ["0"] * (2 + len(DIGITS))
     near = float(value)

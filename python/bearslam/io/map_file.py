@@ -39,7 +39,7 @@ class NamedMap(NamedTuple):
 
 
 def as_csv(source: HasMap, view_ids: Ids = None, landmark_ids: Ids = None) -> str:
-    """Lines of kind, id, x, y and theta [rad]; a landmark has no theta, and what is undetermined is nan."""
+    """CSV with kind, id, x, y and theta [rad]; a landmark has no theta, and nan stands for what is undetermined."""
     lines = [csv_row("kind", "id", "x", "y", "theta")]
     for i, (x, y, theta) in enumerate(source.poses.tolist()):
         lines.append(csv_row("view", str(_id(view_ids, i)), repr(x), repr(y), repr(theta)))
@@ -49,7 +49,7 @@ def as_csv(source: HasMap, view_ids: Ids = None, landmark_ids: Ids = None) -> st
 
 
 def as_json(result: Estimate) -> str:
-    """The whole reconstruction; null for what is undetermined, or without bounds. Angles are radians."""
+    """JSON with the whole reconstruction; null stands for what is undetermined or infinite. Angles are in radians."""
     seen = result.sightings
     sigma = seen.sigma
     return _object(
@@ -85,7 +85,7 @@ def as_json(result: Estimate) -> str:
 
 
 def truth_as_json(source: HasMap) -> str:
-    """Poses and landmarks alone, as JSON."""
+    """JSON with poses and landmarks alone."""
     return _object({"format": "bearslam map", "version": 1, **_map(source, None, None)})
 
 
@@ -160,7 +160,7 @@ def _numbers(values: FloatArray) -> list[float | None]:
 
 
 def _object(members: dict[str, object]) -> str:
-    """JSON with a line for each member, and for each row of a list of rows."""
+    """JSON with a line for each member, and for each object of a list."""
     return "{\n" + ",\n".join(f"  {dumps(name)}: {_value(value)}" for name, value in members.items()) + "\n}\n"
 
 
@@ -197,7 +197,7 @@ def _from_json(name: str, text: str) -> NamedMap:
 
 
 def _plain(where: str, value: object) -> float:
-    """Number of a JSON file; null is what is unknown."""
+    """A number of a JSON file; NaN for null."""
     if value is None:
         return math.nan
     try:
@@ -234,7 +234,7 @@ def _from_csv(name: str, text: str) -> NamedMap:
 
 
 def _cell(column: str, cell: str, where: str) -> float:
-    """Number of a CSV file; nan or nothing is what is unknown."""
+    """A number of a CSV file; NaN for nan and an empty cell."""
     if cell in ("", "nan"):
         return math.nan
     try:

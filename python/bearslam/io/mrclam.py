@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Folders of the UTIAS data sets of several robots (MRCLAM): sightings by camera, odometry as commands.
+"""Folders of the UTIAS multi-robot data sets (MRCLAM): sightings by camera, odometry as velocity commands.
 
-A folder has these files, each plain or compressed (``.gz``; the plain one is taken where there are both), with columns
-between blanks and comments after ``#``:
+A folder has these files, each plain or compressed (``.gz``; the plain one is used if there are both), with columns
+separated by blanks and comments after ``#``:
 
 =========================  ========================================================================
 Barcodes.dat               subject, barcode: 1 to 5 are robots, the others landmarks
@@ -39,19 +39,18 @@ __all__ = ["ROBOTS", "SIGMA", "OdometryNoise", "read"]
 ROBOTS = range(1, 6)
 """Subjects that are robots."""
 SIGMA = math.radians(0.3)
-"""Standard deviation of a bearing [rad]. In set 7 bearings miss the truth by 0.52 degrees, robustly, most of which all
-those of an image have in common, as if it had another heading; 0.2 degrees are each bearing's own. In between, as good
-as any."""
+"""Standard deviation of a bearing [rad]. In set 7 the robust deviation from the truth is 0.52 degrees. Most of it is
+common to all bearings of an image, like an error of its heading; 0.2 degrees are independent. This lies in between."""
 TURN = 2 * math.pi
-"""Bearings beyond one turn either way: degrees, most likely."""
+"""Largest bearing [rad]: a larger one is most likely in degrees."""
 COMMAND = 1e3
-"""Velocities beyond are none [m/s, rad/s]."""
+"""Largest valid velocity [m/s, rad/s]."""
 UNKNOWN = -1
-"""Subject of barcodes that nobody knows."""
+"""Subject of unknown barcodes."""
 
 
 class Log(NamedTuple):
-    """What the camera of one robot saw."""
+    """Measurements by the camera of one robot."""
 
     robot: int
     time: FloatArray
@@ -72,42 +71,40 @@ def read(
     turn_scale: float = 1.0,
     sigma: float = SIGMA,
 ) -> Problem:
-    """Sightings and odometry of one folder; several robots are one problem without a common frame.
+    """Read the sightings and odometry of one folder; several robots make one problem without a common frame.
 
-    - Measurements name barcodes, which Barcodes.dat maps to subjects. Sightings of robots, which move, and of barcodes
-      that it does not have are left out, and so are ranges.
-    - Views: all sightings of one robot within `window` seconds of the first. A view is at the time of its first, which
-      is a time that the file has. Sightings of one image are within 3 ms in set 7, images 0.15 s apart or more, so that
-      the turn within a view need not be taken out: it is below 0.1 degrees.
-    - Of two sightings of one landmark in a view the first counts.
-    - Commands hold from `odometry_delay` seconds after their line until the next one does, and are integrated exactly,
-      along arcs, between the views of a robot that follow each other. There is no motion where the log has not begun or
-      has ended.
-    - Views are named ``robot@time``, and in the order of robots and times; landmarks go by their subject numbers.
+    - Measurements name barcodes, which Barcodes.dat maps to subjects. Sightings of robots, which move, and of unknown
+      barcodes are left out, and so are ranges.
+    - A view has all sightings of one robot within `window` seconds of the first, and the time of the first. In set 7
+      sightings of one image are within 3 ms and images at least 0.15 s apart, so that the rotation within a view, below
+      0.1 degrees, need not be corrected.
+    - Of several sightings of one landmark in a view, the first is used.
+    - Commands hold from `odometry_delay` seconds after their time until the next one, and are integrated exactly, along
+      arcs, between consecutive views of a robot. There is no motion before the log begins or after it ends.
+    - Views are named ``robot@time`` and ordered by robot and time; landmarks are named by their subject numbers.
 
-    What is left out is counted in `Problem.remarks`. What cannot be read is an error.
+    What is left out is counted in `Problem.remarks`. What cannot be parsed is an error.
 
     Parameters
     ----------
     folder : str or path
-        Where the files are.
+        Folder with the files.
     robots : iterable of int, optional
-        Which robots, 1 to 5. All that have measurements, by default.
+        Robots to read, 1 to 5; by default all that have measurements.
     start, end : float, optional
-        Keep sightings from `start` up to but without `end`, in seconds since the first measurement of all in the
-        folder.
+        Keep sightings from `start` to before `end`, in seconds since the first measurement in the folder.
     window : float
         Longest time between the first and the last sighting of a view [s].
     every : float
-        Least time between the views of one robot; others are left out [s]. Images come four a second, and a robot
-        hardly moves in between: with 1 a quarter of them is left, and landmarks of set 7 miss the truth by 1.5 to 2.9 %
-        of the radius of the map instead of 1.3 to 1.9 %.
+        Shortest time between views of one robot; others are left out [s]. There are four images per second, and a robot
+        hardly moves in between: 1 leaves a quarter of them, and errors of the landmarks of set 7 of 1.5 to 2.9 % of the
+        radius of the map instead of 1.3 to 1.9 %.
     odometry_delay : float
-        By how much commands lead the motion, 0.20 to 0.30 in set 7 [s].
+        Time by which commands lead the motion, 0.20 to 0.30 in set 7 [s].
     odometry_noise : OdometryNoise
-        How the uncertainty of motions grows.
+        Growth of the uncertainty of motions.
     turn_scale : float
-        What logged angular velocities are multiplied by. The true ones are 0.94 to 0.96 of them in set 7.
+        Factor for the logged angular velocities. The true ones are 0.94 to 0.96 of them in set 7.
     sigma : float
         Standard deviation of bearings [rad]. 0.3 degrees by default.
 
@@ -119,8 +116,8 @@ def read(
     Raises
     ------
     InvalidInputError
-        If a file is missing or cannot be read, with file and line; times run back; nothing is left; or an option is
-        out of range.
+        If a file is missing or cannot be parsed, with file and line; times decrease; no sightings are left; or an
+        option is out of range.
     OSError
         If a file cannot be opened.
     """
@@ -193,7 +190,7 @@ def _barcodes(folder: Path) -> dict[int, int]:
 
 
 def _logs(folder: Path, subjects: dict[int, int]) -> list[Log]:
-    """Measurements of all robots that there are."""
+    """Measurements of all robots."""
     logs = []
     for robot in ROBOTS:
         name = f"Robot{robot}_Measurement.dat"
@@ -217,7 +214,7 @@ def _logs(folder: Path, subjects: dict[int, int]) -> list[Log]:
 def _views(
     log: Log, kept: NDArray[np.bool_], window: float, every: float, left_out: Counter[str]
 ) -> tuple[FloatArray, IntArray, IntArray, FloatArray]:
-    """Times of views, and for every sighting its view, subject and bearing."""
+    """Times of views, and the view, subject and bearing of every sighting."""
     time, subject, bearing = log.time[kept], log.subject[kept], log.bearing[kept]
     starts: list[int] = []
     next_one = 0

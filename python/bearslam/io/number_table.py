@@ -19,18 +19,18 @@ from bearslam.io.text import decode
 __all__ = ["TIME", "Table", "read_table", "table_path"]
 
 TIME = 1e12
-"""Largest time that is taken for one [s]."""
+"""Largest valid time [s]."""
 
 
 class Table(NamedTuple):
-    """Numbers of a file (k, columns), and what it takes to say on which line they are."""
+    """Numbers of a file (k, columns), with its text to tell their lines."""
 
     name: str
     text: str
     values: FloatArray
 
     def line(self, row: int) -> int:
-        """Number of the line of a row."""
+        """Line number of a row."""
         return [number for number, _ in _lines(self.text)][row]
 
     def error(self, row: int, message: str) -> InvalidInputError:
@@ -45,7 +45,7 @@ class Table(NamedTuple):
 
 
 def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> Table:
-    """Numbers of one file of a folder, all finite, the first column in order if it is the time."""
+    """Numbers of one file of a folder; all must be finite, and times in the first column must not decrease."""
     path = table_path(folder, name)
     if path is None:
         raise InvalidInputError(
@@ -86,7 +86,7 @@ def _text(path: Path) -> str:
 
 
 def _numbers(name: str, text: str, columns: tuple[str, ...]) -> FloatArray:
-    """NumPy reads fast, but says nothing of lines; what it does not take is read again, line by line."""
+    """Read with NumPy, which is fast; if it fails, read line by line for an error with the line."""
     lines = _lines(text)
     if not lines:
         return np.empty((0, len(columns)))
@@ -111,7 +111,7 @@ def _numbers(name: str, text: str, columns: tuple[str, ...]) -> FloatArray:
 
 
 def _is_number(cell: str) -> bool:
-    """Whether NumPy takes it for one: Python's float takes more."""
+    """Whether NumPy accepts it as a number; the float of Python accepts more."""
     try:
         float(cell)
     except ValueError:
@@ -120,6 +120,6 @@ def _is_number(cell: str) -> bool:
 
 
 def _lines(text: str) -> list[tuple[int, str]]:
-    """Lines with numbers on them, without comments."""
+    """Lines that are not empty without their comments, with their numbers."""
     stripped = (line.partition("#")[0].strip() for line in io.StringIO(text, newline=None))
     return [(number, line) for number, line in enumerate(stripped, start=1) if line]

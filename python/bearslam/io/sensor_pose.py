@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Where the sensor sits on the vehicle: problems in the frame of the one from those in the frame of the other."""
+"""The pose of the sensor on the vehicle: problems converted from the frame of the vehicle to that of the sensor."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ __all__ = ["in_sensor_frame"]
 
 
 def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
-    """The problem whose views are poses of the sensor, from one whose views are poses of the vehicle.
+    """Convert a problem whose views are poses of the vehicle to one whose views are poses of the sensor.
 
-    A bearing that was computed in the frame of the vehicle is not that under which the sensor has seen the landmark.
-    Where there was a range as well, it can be had: views move to the sensor, offsets and bearings become those that the
-    sensor has measured, and motions and known poses, with their covariances, those of the sensor.
+    A bearing computed in the frame of the vehicle is not the one at which the sensor saw the landmark, but with a range
+    the latter can be restored. Views become poses of the sensor, offsets and bearings those that it measured, and
+    motions and priors on poses, with their covariances, those of the sensor.
 
     Parameters
     ----------
     problem : Problem
-        In the frame of the vehicle.
+        Problem in the frame of the vehicle.
     sensor : (2,) or (3,) array_like of float
         Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle [length, rad].
 
     Returns
     -------
     Problem
-        In the frame of the sensor.
+        Problem in the frame of the sensor.
 
     Raises
     ------
     InvalidInputError
-        If there are bearings without a range, unless the sensor is only turned; if nothing is known of some
-        coordinates of a known pose but of others; or if a landmark is where the sensor is.
+        If there are bearings without a range, unless the sensor is only rotated; if a prior covers some coordinates of
+        a pose only; or if a landmark coincides with the sensor.
     """
     pose = floats("sensor", sensor, ("2 or 3",))
     if pose.shape not in ((2,), (3,)):
@@ -87,10 +87,10 @@ def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
 
 
 def _motions(odometry: Odometry, place: FloatArray, turn: float) -> Odometry:
-    """From sensor to sensor: to the vehicle, along, and back to the sensor."""
+    """Motions of the sensor from those of the vehicle."""
     end = _moved(odometry.delta, place, turn)
     delta = np.column_stack([(end[:, :2] - place) @ _rotation(turn), odometry.delta[:, 2]])
-    # A small motion of the vehicle, in its own frame, as one of the sensor in its own.
+    # Adjoint: a small motion of the vehicle, in its frame, as one of the sensor in its own.
     adjoint = np.eye(3)
     adjoint[:2, :2] = _rotation(turn).T
     adjoint[:2, 2] = _rotation(turn).T @ [-place[1], place[0]]
@@ -131,7 +131,7 @@ def _moved(poses: FloatArray, place: FloatArray, turn: float) -> FloatArray:
 
 
 def _carried(sigma: FloatArray, jacobians: FloatArray) -> FloatArray:
-    """Covariances through a linear map, or standard deviations that it leaves as they are."""
+    """Covariances propagated through a linear map; standard deviations that it does not change stay so."""
     if sigma.ndim == 2:
         size = sigma.shape[1]
         if (jacobians == np.eye(size)).all() or (size == 2 and (sigma[:, 0] == sigma[:, 1]).all()):

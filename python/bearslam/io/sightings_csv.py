@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The CSV format of sightings: text to `Problem` and back."""
+"""Sightings as CSV: read as a `Problem`, and written."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ __all__ = ["parse", "render"]
 
 COLUMNS = ("view", "landmark", "bearing", "bearing_deg", "sigma", "sigma_deg")
 TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
-"""Bearings beyond one turn either way: degrees in a column of radians, most likely."""
+"""Largest bearing by column: a larger one is most likely in degrees in a column of radians."""
 
 
 def parse(data: bytes, name: str) -> Problem:
-    """Sightings from the content of a file of that name."""
+    """Sightings from the content of a file; the name is for errors."""
     rows = csv_rows(decode(data, name), name)
     try:
         number, header = next(rows)
@@ -62,7 +62,7 @@ def parse(data: bytes, name: str) -> Problem:
 
 
 def render(problem: ProblemLike) -> str:
-    """The content of a file that holds the sightings."""
+    """The content of a file with the sightings."""
     table = normalize(problem)
     seen = table.sightings
     view_ids, landmark_ids = table.view_ids, table.landmark_ids
@@ -83,7 +83,7 @@ def render(problem: ProblemLike) -> str:
 
 
 def _check(problem: Problem) -> None:
-    """Refuse what would be lost."""
+    """Refuse a problem with more than CSV can hold."""
     lost = [
         name.replace("_", " ")
         for name in (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Text files that are read line by line, with errors that name the line, and text that is safe to print."""
+"""Text files read line by line, with errors that name the line, and text that is safe to print."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from bearslam.errors import InvalidInputError
 __all__ = ["csv_row", "csv_rows", "decode", "identifier", "numbered", "numbers", "printable"]
 
 LENGTH = 1000
-"""Characters of all numbers on a line, beyond which they are none."""
+"""Largest number of characters of all numbers on a line."""
 LARGEST = 2**64
-"""Beyond the identifiers that GTSAM and g2o hold."""
+"""Upper bound of the identifiers of GTSAM and g2o."""
 
 
 def decode(data: bytes, name: str) -> str:
-    """The text of a file of that name."""
+    """The content of a file as text; the name is for errors."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -29,12 +29,12 @@ def decode(data: bytes, name: str) -> str:
 
 
 def numbered(text: str) -> Iterator[tuple[int, str]]:
-    """Lines, ended as on any system, with their numbers from 1."""
+    """Lines with their numbers from 1, whatever the line endings."""
     return enumerate(io.StringIO(text, newline=None), start=1)
 
 
 def numbers(words: Sequence[str], where: str) -> list[float]:
-    """Finite numbers, as C writes them."""
+    """Finite numbers in the notation of C."""
     try:
         values = list(map(float, words))
         joined = "".join(words)
@@ -47,7 +47,7 @@ def numbers(words: Sequence[str], where: str) -> list[float]:
 
 
 def identifier(word: str, where: str) -> str:
-    """A whole number that is not negative, in its shortest form."""
+    """A nonnegative integer in its shortest form."""
     if not (word.isascii() and word.isdecimal() and len(word) <= 20 and int(word) < LARGEST):
         raise InvalidInputError(f"{where}: expected the number of a vertex from 0, got {quote(word)}")
     return str(int(word))
@@ -70,13 +70,13 @@ def csv_rows(text: str, name: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def csv_row(*cells: str) -> str:
-    """One line of CSV, which is no comment whatever is in it."""
+    """One line of CSV, quoted so that it is never taken for a comment."""
     quoted = ('"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"#') else cell for cell in cells)
     return ",".join(quoted) + "\n"
 
 
 def printable(text: object, limit: int = 60) -> str:
-    """Text on one line, without what would move the cursor or change the colour, cut where it is long."""
+    """Text on one line, without control characters, shortened if it is long."""
     safe = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in str(text))
     return safe if len(safe) <= limit else f"{safe[: limit - 3]}..."
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The text graphs of TORO and GTSAM, read only.
+"""The text graphs of TORO and GTSAM, which are read only.
 
 ``VERTEX2``, ``EDGE2`` and ``ODOMETRY`` are poses and motions, ``LANDMARK`` a landmark in the frame of a pose, ``BR`` a
-bearing with a range. Of the numbers that end a motion, TORO says that they are its information, and GTSAM that they are
-its covariance; each has two orders for them. The file does not say which. `noise` does:
+bearing with a range. The last six numbers of a motion are its information in TORO and its covariance in
+GTSAM, each in one of two orders. The file does not tell which; `noise` does:
 
 ========  ===========  =========================
 noise     numbers are  in the order
@@ -37,7 +37,7 @@ from bearslam.io.text import decode, identifier, numbered, numbers
 __all__ = ["NOISES", "TAGS", "NoiseFormat", "parse"]
 
 NoiseFormat: TypeAlias = Literal["auto", "toro", "graph", "cov", "g2o"]
-"""What the numbers are that end a motion."""
+"""Meaning of the last six numbers of a motion."""
 NOISES: tuple[NoiseFormat, ...] = get_args(NoiseFormat)
 
 POSES = ("VERTEX2", "VERTEX", "VERTEX_SE2")
@@ -51,11 +51,11 @@ TAGS = {
 }
 """Identifiers and numbers after a tag. GTSAM reads all of them, TORO those that end in 2."""
 FROM_TORO = (0, 1, 4, 2, 5, 3)
-"""Where the entries of an upper triangle, row by row, are among the numbers of TORO."""
+"""Indices of the entries of an upper triangle, row by row, among the numbers of TORO."""
 
 
 def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
-    """The problem in the content of a file of that name."""
+    """The problem in the content of a file; the name is for errors."""
     choice("noise", noise, NOISES)
     graph = GraphBuilder(name, shared=False)
     motions: list[tuple[int, tuple[str, str], tuple[float, ...], tuple[str, ...]]] = []
@@ -110,7 +110,7 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
 
 
 def _guess(texts: tuple[str, ...], where: str) -> NoiseFormat:
-    """The order of the numbers of a covariance, as GTSAM tells it."""
+    """The order of the numbers of a covariance, by the rule of GTSAM."""
     filled = [float(text) != 0 for text in texts]
     if filled == [True, False, True, True, False, False]:
         return "graph"
@@ -123,7 +123,7 @@ def _guess(texts: tuple[str, ...], where: str) -> NoiseFormat:
 
 
 def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Position and covariance, as an upper triangle, of a bearing with a range."""
+    """Position, and upper triangle of its covariance, from a bearing with a range."""
     bearing, distance, across, along = values
     for what, value in (("range", distance), ("standard deviation", across), ("standard deviation", along)):
         if not value > 0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""True maps in files, brought into the order of a problem."""
+"""Ground truth from files, in the order of a problem."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from bearslam.io.view_names import parse_view_name
 __all__ = ["load_truth"]
 
 GAP = 0.5
-"""Longest time between two true poses that one in between is interpolated over [s]."""
+"""Longest gap between two true poses to interpolate over [s]."""
 
 
 def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
-    """Read true poses and landmarks, and put them in the order of a problem.
+    """Read true poses and landmarks in the order of a problem.
 
     Parameters
     ----------
@@ -36,18 +36,18 @@ def load_truth(path: str | os.PathLike[str], problem: ProblemLike) -> Map:
         A map, as `Reconstruction.save` and ``bearslam simulate --truth`` write it (``.json``, ``.csv`` or ``.g2o``), or
         a folder of the UTIAS MRCLAM data sets, whose motion capture is interpolated at the times of the views.
     problem : Problem, Sightings or (m, n) array_like of float
-        Whose views and landmarks are looked up by their names. Without names they go by their numbers.
+        Problem whose views and landmarks are looked up by name, or by number if they have no names.
 
     Returns
     -------
     Map
-        True ``poses`` (m, 3) and ``landmarks`` (n, 2) [length of the file, rad]. NaN for what the file does not
-        have; of a folder, also before and after the motion capture and where it has a gap of more than 0.5 s.
+        True ``poses`` (m, 3) and ``landmarks`` (n, 2) [length of the file, rad]. NaN for what the file does not have;
+        for a folder, also outside the time of the motion capture and in gaps of more than 0.5 s.
 
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, with its line where it has lines, or has nothing that the problem has.
+        If the file cannot be parsed, with the line if there is one, or has no view or landmark of the problem.
     OSError
         If a file cannot be opened.
 
@@ -110,7 +110,7 @@ def _captured(folder: Path, names: Sequence[str]) -> FloatArray:
             after = np.zeros_like(after)
         known = (at >= time[0]) & (at <= time[-1])
         known &= (time[after] - time[after - 1] <= GAP) | (time[after] == at) | (time[after - 1] == at)
-        turned = np.unwrap(heading)  # from one to the next by the shorter way
+        turned = np.unwrap(heading)  # from one to the next the shorter way round
         columns = [np.interp(at, time, values) for values in (x, y, turned)]
         poses[views[known]] = np.column_stack([*columns[:2], wrap(columns[2])])[known]
     return poses

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Trajectories in the format of the TUM RGB-D benchmark: a pose a line, as `evo` and others read it."""
+"""Trajectories in the format of the TUM RGB-D benchmark, one pose per line, as read by `evo` and others."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["render"]
 def render(what: object, robot: str | int | None = None) -> str:
     """Lines ``timestamp x y z qx qy qz qw`` of the views of one robot, by time; those without a pose are counted.
 
-    Times come from names ``robot@time`` or ``time``. Where the name of a view of the robot says none, the times of all
-    are the numbers of the views.
+    Times come from the names ``robot@time`` or ``time``. If any view of the robot has none, the numbers of the views
+    are used instead.
     """
     if isinstance(what, Estimate):
         poses, ids = what.poses, what.view_ids

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Names of views that say when, and which robot: ``robot@time``, or the time alone."""
+"""Names of views that state the robot and the time, ``robot@time``, or the time alone."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ __all__ = ["Moment", "parse_view_name", "view_name"]
 
 
 class Moment(NamedTuple):
-    """Robot and time [s] of a view; None where its name does not say."""
+    """Robot and time [s] of a view; None if its name does not state it."""
 
     robot: str | None
     time: float | None
 
 
 def view_name(robot: str, time: float) -> str:
-    """Name of a view, with as many digits as it takes to read the same time back, but at least milliseconds."""
+    """Name of a view, with enough digits to restore the time exactly, and at least milliseconds."""
     short = f"{time:.3f}"
     return f"{robot}@{short if float(short) == time else repr(time)}"
 
 
 def parse_view_name(name: str) -> Moment:
-    """What the name of a view says.
+    """Robot and time that the name of a view states.
 
     Examples
     --------

@@ -23,20 +23,20 @@ __all__ = ["SweepResult"]
 class SweepResult(Result):
     """Failures, errors, iterations and time of every start in every cell of a sweep.
 
-    A cell is one combination of layout, noise, views and landmarks. A statistic is a dict that gives for every start
-    an array of shape (noise, views, landmarks), or (layout, noise, views, landmarks) if the layouts of the sweep were
-    given as a sequence. Cells in which nothing has been done are NaN.
+    A cell is one combination of layout, noise, views and landmarks. A statistic is a dict from start to an array of
+    shape (noise, views, landmarks), or (layout, noise, views, landmarks) if the layouts of the sweep were given as a
+    sequence. It is NaN in cells without trials.
 
     Attributes
     ----------
     grid : Grid
         The cells and the starts.
     trials : int
-        Trials of every cell that were asked for.
+        Number of trials per cell that were requested.
     seeds : tuple of int
         The seed; several after `merge`.
     tally : Tally
-        The whole numbers that everything else is computed from.
+        Integer counts and histograms, from which everything else is computed.
 
     Examples
     --------
@@ -54,14 +54,14 @@ class SweepResult(Result):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the sweep to a file: arrays that `load` reads to `.npz`, a row for each cell and start to `.csv`.
 
-        An existing file is replaced in one step, never left half written.
+        An existing file is replaced in one step and never left half written.
 
         Raises
         ------
         InvalidInputError
-            If the name ends in neither.
+            If the name has another ending.
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         """
         files.save(self, path)
 
@@ -77,25 +77,25 @@ class SweepResult(Result):
         Returns
         -------
         SweepResult
-            The same, bit by bit.
+            The sweep that was saved, bit by bit.
 
         Raises
         ------
         InvalidInputError
             If the name has another ending, or the file is damaged or not the result of a sweep.
         OSError
-            If it cannot be read.
+            If the file cannot be read.
         """
         found = files.load(path)
         return cls(found.grid, found.trials, found.seeds, found.tally)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A table with a row for each cell and start.
+        """A table of the statistics with a row for each cell and start.
 
         Returns
         -------
         pandas.DataFrame
-            Layout, noise, views, landmarks and start, then what there is to tell. Angles are radians, in `_deg` columns
+            Layout, noise, views, landmarks and start, then the statistics. Angles are in radians, in `_deg` columns in
             degrees.
 
         Raises
@@ -111,7 +111,7 @@ class SweepResult(Result):
         Returns
         -------
         xarray.Dataset
-            With these five dimensions, whatever the layout was given as.
+            Always with these five dimensions.
 
         Raises
         ------
@@ -126,15 +126,15 @@ class SweepResult(Result):
         Parameters
         ----------
         kind : {"failures", "errors"}
-            "failures": how many of the trials fail, as heat maps over views and landmarks, a column for each start, a
-            row for each noise and layout. "errors": errors against noise, and how they compare with the bound.
+            "failures": failure rates as heat maps over views and landmarks, a column for each start, a row for each
+            noise and layout. "errors": errors against noise, and their ratio to the Cramer-Rao bound.
         **options
-            Of `bearslam.montecarlo.plot.draw_failures` or `bearslam.montecarlo.plot.draw_errors`.
+            Options of `bearslam.montecarlo.plot.draw_failures` or `bearslam.montecarlo.plot.draw_errors`.
 
         Returns
         -------
         matplotlib.figure.Figure
-            The picture.
+            The figure.
 
         Raises
         ------

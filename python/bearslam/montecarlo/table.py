@@ -21,7 +21,7 @@ __all__ = ["coordinates", "statistics", "to_pandas", "to_xarray"]
 
 
 def coordinates(result: Result) -> dict[str, list[Any]]:
-    """Where every group of trials belongs: columns of layout, noise [rad], noise_deg, views, landmarks and start."""
+    """Coordinates of every group of trials: columns of layout, noise [rad], noise_deg, views, landmarks and start."""
     cells = [result.grid.cell(index) for index in range(result.grid.cells)]
     rows = [(*cell, start) for cell in cells for start in result.start]
     layout, noise, views, landmarks, start = (list(column) for column in zip(*rows, strict=True))
@@ -36,7 +36,7 @@ def coordinates(result: Result) -> dict[str, list[Any]]:
 
 
 def statistics(result: Result) -> dict[str, NDArray[Any]]:
-    """What there is to tell of every group of trials."""
+    """Statistics of every group of trials."""
     tally = result.tally
     counts = dict(zip(COUNTS, tally.counts.T, strict=True))
     low, high = tally.failure_interval(0.95).T
@@ -61,7 +61,7 @@ def statistics(result: Result) -> dict[str, NDArray[Any]]:
 
 
 def degrees(radians: float) -> float:
-    """Degrees as they were meant, most likely: 0.5 rather than 0.49999999999999994."""
+    """Degrees without rounding errors of the conversion: 0.5 rather than 0.49999999999999994."""
     return float(f"{math.degrees(radians):.14g}")
 
 

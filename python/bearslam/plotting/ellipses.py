@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Covariances in pictures."""
+"""Covariances in figures, as ellipses."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 __all__ = ["COVERED", "RADIUS", "draw_ellipses"]
 
 COVERED = 0.95
-"""Probability that a point is within its ellipse, if errors are Gaussian."""
+"""Probability that a point lies within its ellipse, for Gaussian errors."""
 RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - COVERED)))
-"""The radius of that ellipse, in standard deviations: squared it is the quantile of chi-square with two degrees."""
+"""Radius of the ellipse in standard deviations; its square is the chi-square quantile for two degrees of freedom."""
 LARGE = 0.25
-"""Half of the longer axis, as a share of the map, from which on an ellipse does not widen the picture."""
+"""Semi-major axis, as a share of the map, above which an ellipse does not enlarge the frame."""
 WIDTH = 0.9
 LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00"}
-"""The orange of Okabe and Ito, which stands out from the robots and landmarks that ellipses lie over."""
+"""Orange of Okabe and Ito, which stands out from the robots and landmarks below the ellipses."""
 
 
 def draw_ellipses(
@@ -42,18 +42,18 @@ def draw_ellipses(
     note: str,
     zorder: float,
 ) -> list[Entry]:
-    """Ellipses around points (k, 2) for covariances (k, 2, 2), which a matrix takes into the frame of the points.
+    """Draw ellipses around points (k, 2) for covariances (k, 2, 2), which `stretched` takes into their frame.
 
-    Those without bounds are left out. The note is for the legend.
+    Unbounded ones are left out. The note is added to the legend.
 
-    Returns what the legend says of them: nothing where there are none.
+    Returns the entries of the legend, none without ellipses.
     """
     known = np.isfinite(points).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
     if not known.any():
         return []
     points, covariances = points[known], stretched @ covariances[known] @ stretched.T
     squares, axes = np.linalg.eigh(covariances)
-    # Rounding may leave what is held a little below zero.
+    # By rounding, the variance of what is held fixed may be slightly negative.
     minor, major = RADIUS * np.sqrt(np.maximum(squares, 0.0)).T
     ellipses = EllipseCollection(
         2 * major,
@@ -67,7 +67,7 @@ def draw_ellipses(
         rasterized=len(points) > HEAVY,
         **LOOK,
     )
-    ellipses.set_in_layout(False)  # it is clipped, however large it is
+    ellipses.set_in_layout(False)  # clipped to the axes, however large they are
     ax.add_collection(ellipses)
     reach = RADIUS * np.sqrt(np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0))
     small = major < LARGE * scale

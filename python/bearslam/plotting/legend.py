@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What symbols in pictures stand for."""
+"""Legends of figures."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ except ImportError:
 __all__ = ["Entry", "legend"]
 
 Entry: TypeAlias = tuple[Artist | tuple[Artist, ...], str]
-"""One symbol or several, and what they stand for."""
+"""One or several symbols and their label."""
 
 
 def legend(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Arguments for a legend with these entries, wherever it goes."""
+    """Keyword arguments for a legend with these entries."""
     handles, labels = zip(*entries, strict=True)
     return {
         "handles": handles,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Pictures of maps. Needs matplotlib, which the rest of the package does without."""
+"""Figures of maps. Needs matplotlib, which the rest of the package does not."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ __all__ = ["FORMATS", "draw_map", "draw_names", "draw_offsets", "draw_to_file", 
 
 FORMATS = (".png", ".svg", ".pdf")
 SIZE = (8.0, 5.0)
-"""Of a figure, with room for the legend beside the map [inches]."""
+"""Size of a figure, with room for the legend beside the map [inches]."""
 ENCIRCLED = 20
-"""Views of a long way that have an ellipse; more would hide the map."""
+"""Number of views of a long trajectory that have an ellipse; more would hide the map."""
 LABELLED = 30
-"""Robots that are labelled; more labels than that hide the map."""
+"""Largest number of views that are labelled; more labels would hide the map."""
 FEW = 50
-"""Landmarks above which their markers shrink."""
+"""Number of landmarks above which their markers shrink."""
 
 
 def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
@@ -101,7 +101,7 @@ def plot(result: Estimate, ax: Axes | None = None, truth: MapLike | None = None)
 
 
 def _robots(paths: OdometryChains, names: Sequence[str] | None) -> list[str]:
-    """What robots are called: as their views say, ``robot@time``, or by number."""
+    """Names of robots: from the names of their views, ``robot@time``, or numbers."""
     called = [None if names is None else parse_view_name(names[robot[0]]).robot for robot in paths.robots]
     return [
         str(number) if name is None or called.count(name) > 1 else printable(name) for number, name in enumerate(called)
@@ -109,10 +109,10 @@ def _robots(paths: OdometryChains, names: Sequence[str] | None) -> list[str]:
 
 
 def _draw_paths(ax: Axes, shown: Map, paths: OdometryChains, scale: float, names: Sequence[str] | None) -> list[Entry]:
-    """The estimate where there are many views, robots as lines along their odometry."""
+    """Draw the estimate with robots as lines along their odometry."""
     draw_paths(ax, shown, paths, ESTIMATE, scale, arrows=True)
     own = colors(len(paths.robots), ESTIMATE)
-    above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # ellipses that are smaller than the markers are below them
+    above = replace(ESTIMATE, zorder=ESTIMATE.zorder + 0.1)  # markers above ellipses that are smaller than they are
     if len(set(own)) > 1:
         entries: list[Entry] = [
             (_stroke(color), f"robot {name}") for name, color in zip(_robots(paths, names), own, strict=True)
@@ -125,13 +125,13 @@ def _draw_paths(ax: Axes, shown: Map, paths: OdometryChains, scale: float, names
 
 
 def draw_map(ax: Axes, drawn: Map, style: Style, label: str, scale: float) -> Entry:
-    """Robots as triangles that point where they head, landmarks as markers; what is undetermined is left out."""
+    """Draw robots as triangles and landmarks as markers; what is undetermined is left out."""
     draw_triangles(ax, headed(drawn, scale), style, style.color)
     return _landmarks(ax, drawn, style, label, _symbol(style, ">", 8.0))
 
 
 def _landmarks(ax: Axes, drawn: Map, style: Style, label: str, *before: Line2D) -> Entry:
-    """Landmarks as markers, and what the legend says of them and of what comes before them."""
+    """Draw landmarks as markers; return a legend entry for them and the symbols `before` them."""
     points = drawn.landmarks[np.isfinite(drawn.landmarks).all(axis=1)]
     size = style.size * shrunk(len(points), FEW, 0.35)
     markers = _symbol(style, style.marker, size, *points.T)
@@ -152,7 +152,7 @@ def _stroke(color: str) -> Line2D:
 
 
 def frame(ax: Axes, drawn: Map) -> None:
-    """Axes as wide as the map, points far from all others apart: a landmark near infinity would make a dot of it."""
+    """Limit the axes to the map without points far from all others, which would shrink it to a dot."""
     points = without_far_points(drawn)
     if len(points) < sum(np.isfinite(part).all(axis=1).sum() for part in drawn):
         margin = 0.1 * extent(drawn)
@@ -163,7 +163,7 @@ def frame(ax: Axes, drawn: Map) -> None:
 def draw_names(
     ax: Axes, drawn: Map, style: Style, scale: float, names: Sequence[object], lines: FloatArray, *others: Map
 ) -> None:
-    """Names beside the robots, where they are farthest from lines and from the points of this and other maps."""
+    """Write names beside the robots, as far as possible from lines and from the points of this and other maps."""
     if len(drawn.poses) > LABELLED:
         return
     edges = [lines]
@@ -179,7 +179,7 @@ def draw_names(
     away = (0.04 if len(drawn.poses) <= 10 else 0.03) * scale
     for name, (x, y, heading) in zip(names, drawn.poses, strict=True):
         if np.isfinite(x + y + heading):
-            around = heading + np.pi + np.linspace(-2.4, 2.4, 49)  # where the triangle has no tip
+            around = heading + np.pi + np.linspace(-2.4, 2.4, 49)  # away from the tip of the triangle
             places = x + 1j * y + away * np.exp(1j * around)
             place = places[np.argmax(np.abs(places[:, None] - occupied).min(axis=1).round(6))]
             occupied = np.append(occupied, place + 0.01 * scale * np.array([0, 1, -1]))
@@ -191,7 +191,7 @@ def draw_names(
 
 
 def draw_offsets(ax: Axes, start: Map, end: Map, style: Style) -> None:
-    """Thin lines between what is the same in two maps."""
+    """Draw dotted lines between corresponding points of two maps."""
     lines = np.stack([np.concatenate([one.poses[:, :2], one.landmarks]) for one in (start, end)], axis=1)
     lines = lines[np.isfinite(lines).all(axis=(1, 2))]
     ax.add_collection(
@@ -200,7 +200,7 @@ def draw_offsets(ax: Axes, start: Map, end: Map, style: Style) -> None:
 
 
 def finish(ax: Axes, unit: str) -> None:
-    """Equal scales and named axes."""
+    """Set equal scales and label the axes."""
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlabel(f"x [{unit}]")
     ax.set_ylabel(f"y [{unit}]")
@@ -211,17 +211,17 @@ def finish(ax: Axes, unit: str) -> None:
 
 
 def draw_to_file(result: Estimate, path: str | os.PathLike[str], truth: MapLike | None = None) -> None:
-    """Draw a reconstruction into a file, over the truth where there is one."""
+    """Draw a reconstruction to a file, over the truth if there is one."""
     from matplotlib.figure import Figure
 
-    width = 8.0 if result.covariance_frame is None else 8.5  # the legend says the frame
+    width = 8.0 if result.covariance_frame is None else 8.5  # the legend states the frame
     figure = Figure(figsize=(width, 5.0), layout="constrained")
     plot(result, figure.add_subplot(), truth)
-    save_figure(figure, path, cropped=True)  # axes of equal scales leave room beside them
+    save_figure(figure, path, cropped=True)  # axes of equal scales leave empty margins
 
 
 def save_figure(figure: Figure, path: str | os.PathLike[str], *, cropped: bool = False) -> None:
-    """Write a figure to a file, in one step, without what is empty around it if so wished.
+    """Write a figure to a file in one step, with empty margins cropped on request.
 
     The same figure gives the same bytes.
     """
@@ -232,6 +232,6 @@ def save_figure(figure: Figure, path: str | os.PathLike[str], *, cropped: bool =
         warnings.catch_warnings(),
         replacing(path) as file,
     ):
-        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # a box stands for it
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)  # it is drawn as a box
         around: dict[str, Any] = {"bbox_inches": "tight", "pad_inches": 0.1} if cropped else {}
         figure.savefig(file, format=suffix[1:], dpi=200, metadata=undated[suffix], **around)

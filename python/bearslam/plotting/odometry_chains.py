@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The order in which robots went through their views, as odometry tells it."""
+"""Chains of odometry: views in the order in which robots passed through them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["OdometryChains", "closure_lines", "odometry_chains", "pieces"]
 
 @dataclass(frozen=True, eq=False)
 class OdometryChains:
-    """Views in the order in which robots went through them.
+    """Views in the order in which robots passed through them.
 
     Attributes
     ----------
     robots : tuple of (k,) ndarray of int
-        The views of each robot that has moved, at least two, in their order; robots in the order of their first views.
+        Views of each robot with at least two, in order; robots in the order of their first views.
     closures : (c, 2) ndarray of int
-        Views between which there are other motions: loop closures, and ties between robots.
+        Pairs of views with other motions between them: loop closures, and motions between robots.
     """
 
     robots: tuple[IntArray, ...]
@@ -30,10 +30,10 @@ class OdometryChains:
 
 
 def odometry_chains(odometry: Odometry | None, views: int) -> OdometryChains:
-    """The chains of so many views.
+    """The chains among a number of views.
 
-    Two views are consecutive where a motion joins them, and none of the two has a motion to a view whose number is
-    between theirs. So the views of several robots may come one robot after the other or take turns.
+    Two views are consecutive if a motion joins them and neither has a motion to a view numbered between them. The views
+    of several robots may thus come one robot after the other, or alternate.
     """
     if odometry is None:
         return OdometryChains((), np.empty((0, 2), dtype=np.intp))
@@ -55,7 +55,7 @@ def odometry_chains(odometry: Odometry | None, views: int) -> OdometryChains:
 
 
 def pieces(robot: IntArray, points: FloatArray) -> list[IntArray]:
-    """The views of a robot, in stretches of two and more whose points (m, 2) are all known."""
+    """The views of a robot in runs of at least two whose points (m, 2) are all known."""
     known = np.isfinite(points[robot]).all(axis=1)
     stretches = np.split(robot, np.flatnonzero(np.diff(known)) + 1)
     return [
@@ -64,6 +64,6 @@ def pieces(robot: IntArray, points: FloatArray) -> list[IntArray]:
 
 
 def closure_lines(of: OdometryChains, points: FloatArray) -> FloatArray:
-    """Start and end (k, 2, 2) of the closures whose points (m, 2) are known."""
+    """Start and end (k, 2, 2) of closures whose points (m, 2) are known."""
     lines: FloatArray = points[of.closures]
     return lines[np.isfinite(lines).all(axis=(1, 2))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Bearings in pictures."""
+"""Bearings in figures, as rays."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["RAYS", "draw_outliers", "draw_rays"]
 
 RAYS = 2000
-"""Bearings that are drawn at most, outliers apart: more than that are a haze."""
+"""Largest number of bearings drawn, outliers not counted: more would only blur the map."""
 
 
 def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
-    """Bearings as thin lines: all of them, or one in so many, which the legend says."""
+    """Draw bearings as thin lines: all of them, or one in a number that the legend states."""
     every = -(-len(lines) // RAYS)
     if every > 1:
         lines = lines[::every]
@@ -37,7 +37,7 @@ def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
 
 
 def draw_outliers(ax: Axes, lines: FloatArray) -> Entry:
-    """Bearings that are not explained, all of them, dashed; above the others, for they are what one looks for."""
+    """Draw all outliers as dashed lines above the other bearings."""
     few = (50 / max(len(lines), 50)) ** 0.5
     style: dict[str, Any] = {"linewidths": max(few, 0.45), "alpha": max(few, 0.6), "linestyles": (0, (4, 2))}
     ax.add_collection(LineCollection(list(lines), colors=WRONG, zorder=1.2, rasterized=len(lines) > HEAVY, **style))

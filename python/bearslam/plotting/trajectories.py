@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Robots in pictures: triangles, or lines along their odometry where there are many views."""
+"""Robots in figures: triangles, or lines along their odometry if there are many views."""
 
 from __future__ import annotations
 
@@ -26,29 +26,29 @@ if TYPE_CHECKING:
 __all__ = ["MANY", "draw_closures", "draw_ends", "draw_paths", "draw_triangles", "headed", "triangles"]
 
 MANY = 60
-"""Views above which robots with odometry are drawn as lines."""
+"""Number of views above which robots with odometry are drawn as lines."""
 ARROWS = 24
-"""Triangles along all lines of a map, which say where the robots went."""
+"""Number of triangles along all lines of a map, which show the direction of travel."""
 TRIANGLE = np.array([[1.0, 0.0], [-0.7, 0.6], [-0.7, -0.6]])
 SIZE = 0.022
-"""Of a triangle where there are few, as a share of the map."""
+"""Size of a triangle among few, as a share of the map."""
 
 
 def triangles(poses: FloatArray, size: float) -> FloatArray:
-    """Corners (k, 3, 2) of the robots whose poses are known; the first is the tip."""
+    """Corners (k, 3, 2) of triangles for the known poses; the first corner is the tip."""
     x, y, theta = poses[np.isfinite(poses).all(axis=1)].T
     corners = np.exp(1j * theta)[:, None] * (TRIANGLE @ [1, 1j]) * size + (x + 1j * y)[:, None]
     return np.stack([corners.real, corners.imag], axis=-1)
 
 
 def headed(drawn: Map, scale: float) -> FloatArray:
-    """Corners (k, 3, 2) of all robots of a map, the smaller the more there are."""
+    """Corners (k, 3, 2) of triangles for all known poses of a map, smaller if there are many."""
     known = int(np.isfinite(drawn.poses).all(axis=1).sum())
     return triangles(drawn.poses, SIZE * scale * shrunk(known, 10, 0.0))
 
 
 def draw_triangles(ax: Axes, corners: FloatArray, style: Style, color: str | Sequence[str]) -> None:
-    """Robots as triangles that point where they head."""
+    """Draw robots as triangles that point along their heading."""
     ax.add_collection(
         PolyCollection(
             list(corners),
@@ -63,7 +63,7 @@ def draw_triangles(ax: Axes, corners: FloatArray, style: Style, color: str | Seq
 
 
 def draw_paths(ax: Axes, drawn: Map, of: OdometryChains, style: Style, scale: float, *, arrows: bool) -> None:
-    """Robots as lines through their views, with a triangle now and then; views on no line are triangles."""
+    """Draw robots as lines through their views with triangles at intervals, and views on no line as triangles."""
     own = colors(len(of.robots), style) if arrows else (style.color,) * len(of.robots)
     lone = np.ones(len(drawn.poses), dtype=bool)
     lines: list[FloatArray] = []
@@ -90,7 +90,7 @@ def draw_paths(ax: Axes, drawn: Map, of: OdometryChains, style: Style, scale: fl
 def _spread(
     lines: Sequence[FloatArray], views: Sequence[IntArray], shades: Sequence[str]
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Views at even distances along the lines, and their colours."""
+    """Views evenly spaced along the lines, and their colours."""
     steps = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
     total = sum(float(step.sum()) for step in steps)
     if total == 0:
@@ -106,7 +106,7 @@ def _spread(
 
 
 def draw_ends(ax: Axes, drawn: Map, of: OdometryChains, style: Style) -> Entry:
-    """Where each robot starts, hollow, and where it ends, filled."""
+    """Mark the start of each robot with a hollow diamond and its end with a filled one."""
     size = 7.0 * shrunk(len(of.robots), len(ROBOTS), 0.4)
     for robot, color in zip(of.robots, colors(len(of.robots), style), strict=True):
         known = robot[np.isfinite(drawn.poses[robot, :2]).all(axis=1)]
@@ -124,7 +124,7 @@ def _diamond(color: str, face: str, size: float, zorder: float, x: Any = (), y: 
 
 
 def draw_closures(ax: Axes, drawn: Map, of: OdometryChains) -> list[Entry]:
-    """Motions between views that do not follow each other, as thin lines; nothing where there are none."""
+    """Draw motions between views that are not consecutive as thin lines; no entries without them."""
     lines = closure_lines(of, drawn.poses[:, :2])
     if len(lines) == 0:
         return []

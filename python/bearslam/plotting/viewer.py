@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Maps in the viewer of Rerun, which zooms, and goes through the views one by one. Needs rerun-sdk."""
+"""Maps in the viewer of Rerun, with a timeline of views. Needs rerun-sdk."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ __all__ = ["FORMATS", "view"]
 
 FORMATS = (".rrd",)
 TIMELINE = "view"
-# The viewer's y points down, and cannot be turned (rerun-io/rerun#1387). A flat map is better looked at in its 2D view
-# than from the side in its 3D view, so what is recorded is (x, -y).
+# The y axis of the viewer points down and cannot be flipped (rerun-io/rerun#1387). A planar map is best seen in a 2D
+# view, so (x, -y) is recorded.
 FLIP = np.array([1.0, -1.0])
 HEADING = 0.03
-"""Length of the arrow of a pose, as a share of the map; shorter where there are many."""
+"""Length of the arrow of a pose, as a share of the map; shorter if there are many."""
 
 
 def view(result: Estimate, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
-    """Show a reconstruction in the viewer, or record it; see `Reconstruction.view`."""
+    """Show a reconstruction in the viewer or record it; see `Reconstruction.view`."""
     if path is not None:
         ending_of(path, FORMATS)
     shown = Map(result.poses, result.landmarks)
@@ -63,7 +63,7 @@ def view(result: Estimate, path: str | os.PathLike[str] | None = None, truth: Ma
 
 
 def _blueprint(shown: Map) -> rrb.Blueprint:
-    """One view of the whole map, points far from all others apart."""
+    """A blueprint with one view of the whole map, without points far from all others."""
     points = without_far_points(shown) * FLIP
     if len(points) == 0:
         return rrb.Blueprint(rrb.Spatial2DView(origin="/", name="map"))
@@ -116,7 +116,7 @@ def _record(recording: rr.RecordingStream, result: Estimate, shown: Map, truth: 
 def _steps(
     recording: rr.RecordingStream, result: Estimate, shown: Map, wrong: NDArray[np.bool_], length: float
 ) -> None:
-    """What each view sees, on a timeline of views: nothing of it stays for the next."""
+    """Record what each view sees on a timeline of views, each replacing the one before."""
     views = len(shown.poses)
     moments = [rr.TimeColumn(TIMELINE, sequence=range(views))]
     posed, placed = _known(shown.poses), _known(shown.landmarks)
@@ -139,7 +139,7 @@ def _steps(
 def _ways(
     recording: rr.RecordingStream, name: str, drawn: Map, paths: OdometryChains, shades: tuple[str, ...], width: float
 ) -> None:
-    """The way of each robot, with gaps where it is undetermined."""
+    """Record the trajectory of each robot, with gaps where it is undetermined."""
     for number, (robot, color) in enumerate(zip(paths.robots, shades, strict=True)):
         lines = [drawn.poses[piece, :2] for piece in pieces(robot, drawn.poses[:, :2])]
         if lines:
@@ -167,7 +167,7 @@ def _strips(lines: Sequence[FloatArray] | FloatArray, color: str, width: float) 
 
 
 def _headings(poses: FloatArray, length: float) -> FloatArray:
-    """Arrows (k, 2) of the poses."""
+    """Arrows (k, 2) along the headings of the poses."""
     arrows: FloatArray = length * FLIP * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     return arrows
 
@@ -177,5 +177,5 @@ def _known(rows: FloatArray) -> NDArray[np.bool_]:
 
 
 def _rgb(names: Sequence[str]) -> NDArray[np.uint8]:
-    """Colours (k, 3) of names such as #0072b2."""
+    """RGB values (k, 3) of colours such as #0072b2."""
     return np.array([list(bytes.fromhex(name[1:])) for name in names], dtype=np.uint8).reshape(-1, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What bearings determine, what they do not, and why: by name."""
+"""Diagnosis: what bearings determine, what they do not, and why."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from bearslam.progress import Progress
 __all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Severity", "diagnose", "diagnosed"]
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
-"""Something is not determined; something is determined badly; something is worth knowing."""
+"""Not determined; poorly determined; worth knowing."""
 
 
 @dataclass(frozen=True)
 class Component:
-    """A part of a problem that its sightings connect.
+    """A connected component of a problem: views and landmarks joined by sightings.
 
     Attributes
     ----------
     views, landmarks : tuple of int
-        Its members.
+        Indices of its views and landmarks.
     sightings : int
-        How many there are between them.
+        Number of sightings between them.
     freedom : int
-        Sightings less unknowns, but for the four of the gauge; negative when there are too few.
+        Degrees of freedom: sightings minus unknowns, without the four of the gauge; negative if there are too few.
     """
 
     views: tuple[int, ...]
@@ -44,16 +44,16 @@ class Component:
 
 @dataclass(frozen=True)
 class Mover:
-    """A view or landmark that a direction moves.
+    """A view or landmark that moves along a direction.
 
     Attributes
     ----------
     kind : {"view", "landmark"}
-        Which of the two.
+        Whether it is a view or a landmark.
     index : int
-        Its number.
+        Its index.
     share : float
-        Its share of the squared moves.
+        Its share of the squared displacement.
     """
 
     kind: Literal["view", "landmark"]
@@ -63,18 +63,18 @@ class Mover:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, whom it concerns, and what to do about it.
+    """One finding: what is wrong, which views and landmarks it concerns, and what to do about it.
 
     Attributes
     ----------
     name : str
-        What kind of thing, such as "collinear_landmarks"; the page on diagnosis has the list.
+        Name of the configuration, such as "collinear_landmarks"; the page on diagnosis lists them.
     severity : {"error", "warning", "note"}
-        Whether something is not determined, is determined badly, or is worth knowing.
+        Whether something is not determined, poorly determined, or worth knowing.
     views, landmarks : tuple of int
-        Whom it concerns.
+        Indices of the views and landmarks it concerns.
     directions : int
-        Free directions that it explains.
+        Number of free directions that it explains.
     message, advice : str
         What is wrong, and what to add.
     """
@@ -93,18 +93,18 @@ class Finding:
 
 @dataclass(frozen=True)
 class NullDirection:
-    """A direction of the map that the bearings hold weakly or not at all.
+    """A direction in which the bearings constrain the map weakly or not at all.
 
     Attributes
     ----------
     free : bool
-        Whether it is free, up to rounding; else it is held weakly.
+        Whether it is free, up to rounding; otherwise it is weak.
     singular_value : float
-        Of the Jacobian, over its median column; 0 where free.
+        Singular value of the Jacobian, relative to its median column; 0 if free.
     deviation : float
-        Predicted standard deviation of the map along it, as a share of its size; infinite where free.
+        Predicted standard deviation of the map along it, as a share of its size; infinite if free.
     movers : tuple of Mover
-        Who moves, the one that moves most first.
+        Views and landmarks that move along it, largest displacement first.
     cause : str or None
         Name of the finding that explains it.
     """
@@ -118,34 +118,34 @@ class NullDirection:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
-    """What bearings determine and what they do not. As `str` it is a report of a few lines.
+    """What bearings determine and what they do not. `str` gives a report of a few lines.
 
     Attributes
     ----------
     views, landmarks, sightings : int
-        How many there are.
+        Numbers of views, landmarks and sightings.
     determined : bool
         Whether the bearings determine everything: no finding is an error.
     findings : tuple of Finding
-        What is wrong, the worst first.
+        What is wrong, most severe first.
     components : tuple of Component
-        Parts that sightings connect, without those who have too few; most sightings first.
+        Connected components, without views and landmarks with too few sightings; most sightings first.
     extra : int
-        Directions that are free beyond place, rotation and scale of each part.
+        Free directions beyond position, rotation and scale of each component.
     null_directions : tuple of NullDirection
-        Directions that are free or weak.
+        Free and weak directions.
     singular_values : ndarray
-        The smallest of the Jacobian of the first part, over its median column, ascending, up to eight, without place,
-        rotation and scale of the whole; empty when no map was had.
+        Up to eight smallest singular values of the Jacobian of the first component, relative to its median column,
+        ascending, without those of position, rotation and scale; empty without a map.
     condition : float
-        Largest singular value over the smallest that is not zero; NaN when no map was had.
+        Largest singular value over the smallest nonzero one; NaN without a map.
     noise : float
-        Standard deviation of a bearing that was reckoned with: the one stated, or the residuals' [rad].
+        Standard deviation of a bearing that was assumed: as stated, or from the residuals [rad].
     near_collinear : bool
-        Whether there are three views, on one line or so near it that noise hides the difference.
+        Whether there are three views, and they are collinear to within noise.
     mirror_margin : float
-        How many times larger the residuals of the next best map are, such as the mirror image of three views; infinite
-        when none was found, NaN when none was looked for.
+        Ratio of the residuals of the second best map, such as the mirror image of three views, to those of the best;
+        infinite if none was found, NaN if none was sought.
     """
 
     views: int
@@ -182,33 +182,33 @@ def diagnose(
     landmark_priors: LandmarkPriors | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """What the bearings determine and what they do not, with names for the reasons.
+    """Find out what the bearings determine, what they do not, and why.
 
     Sightings are counted first. Then the singular values of the Jacobian at a map tell which directions are free or
-    weak, and shapes of the map why: landmarks along a wall, views in one place, everything on one circle and so on.
+    weak, and the geometry of the map why: landmarks along a wall, views in one place, everything on one circle, ...
 
     Parameters
     ----------
     problem : (m, n) array_like of float, Sightings or Problem
         As for `solve`.
     reconstruction : Reconstruction, Scene or (poses, landmarks), optional
-        The map to look at; NaN for what it leaves out. Without it one is made that explains the bearings, whether they
+        Map to examine; NaN for what it leaves out. By default one that explains the bearings is computed, whether they
         determine it or not.
     sigma : float or array_like of float
-        As for `solve`. Where it is below 1 it is the noise that is reckoned with, else the residuals tell.
+        As for `solve`. Below 1 it is taken for the noise; otherwise the noise is estimated from the residuals.
     oriented, odometry, pose_priors, landmark_priors, progress
         As for `solve`.
 
     Returns
     -------
     Diagnosis
-        Findings, the worst first, and the numbers behind them.
+        Findings, most severe first, and the numbers behind them.
 
     Raises
     ------
     InvalidInputError
-        If an argument is out of range, or the map has another size than the problem. Degenerate geometry is no error
-        here: it is what the answer is about.
+        If an argument is out of range, or the map is not of the size of the problem. Degenerate geometry is not an
+        error here: it is what the diagnosis reports.
 
     See Also
     --------
@@ -249,7 +249,7 @@ def diagnose(
 def diagnosed(
     request: Request, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
 ) -> Diagnosis:
-    """The diagnosis of what is known, at a map or at one that is looked for."""
+    """The diagnosis of a request, at a given map or at one that the core computes."""
     raw = _core.diagnose(request.raw, poses, points, observer(progress))
     return Diagnosis(
         views=raw["views"],

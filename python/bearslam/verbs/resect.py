@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A pose from known landmarks."""
+"""Resection: a pose from known landmarks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["resect"]
 
 
 def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
-    """Pose of one view of known landmarks, linearly.
+    """Pose of one view from its bearings to known landmarks, linearly.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
     bearing, with c^2 + s^2 = 1 and each row divided by the range: [[c, -s], [s, c]] and (t1, t2) take the map into the
@@ -24,7 +24,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
     landmarks : (n, 2) array_like of float
         Positions in the map frame [length].
     bearings : (n,) array_like of float
-        Direction to each landmark in the frame of the view [rad]; NaN where it was not seen. Three or more were.
+        Direction to each landmark in the frame of the view [rad]; NaN where it was not seen. At least three are needed.
 
     Returns
     -------
@@ -34,9 +34,9 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
     Raises
     ------
     InvalidInputError
-        If shapes do not go together, fewer than three landmarks were seen, or a number is not finite.
+        If shapes do not match, fewer than three landmarks were seen, or a number is not finite.
     DegenerateError
-        If more than one pose fits: three landmarks on a circle with the view, landmarks in one place.
+        If more than one pose fits: three landmarks on a circle with the view, or coincident landmarks.
 
     References
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Scenes with known truth."""
+"""Simulation of random scenes with known truth."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ __all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]
 Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
 LAYOUTS = ("mixed", "enclosed", "trajectory")
 LARGEST = 1e100
-"""Side of an arena whose products with others are still numbers [m]."""
+"""Largest side of an arena: products of lengths must not overflow [m]."""
 PLACES = 2**27
-"""In a table of bearings, which makes 1 GB."""
+"""Most entries of a table of bearings: 1 GB."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
-    """Poses and landmarks that are known, and the noisy bearings between them.
+    """True poses and landmarks, and the noisy bearings between them.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Scene:
     landmarks : (n, 2) ndarray
         Positions [m].
     bearings : (m, n) ndarray
-        Direction in which each view sees each landmark, with noise, in (-pi, pi]; NaN where it does not [rad].
+        Bearing of each landmark from each view, with noise, in (-pi, pi]; NaN where it is out of sight [rad].
     """
 
     poses: FloatArray
@@ -67,7 +67,7 @@ class Scene:
         Raises
         ------
         InvalidInputError
-            If a standard deviation is not above 0, or the seed is no seed.
+            If a standard deviation is not above 0, or the seed is out of range.
 
         Examples
         --------
@@ -95,7 +95,7 @@ def simulate(
     height: float = 5.0,
     sight: float = math.inf,
 ) -> Scene:
-    """Scene drawn at random: views and landmarks in an arena, and what the views see.
+    """Draw a random scene: views and landmarks in an arena, and the bearings between them.
 
     Parameters
     ----------
@@ -103,15 +103,15 @@ def simulate(
         "mixed": views and landmarks anywhere in the arena. "enclosed": landmarks on its border, views inside.
         "trajectory": views along a path among landmarks.
     views, landmarks : int
-        How many of each, 1 or more.
+        Numbers of views and landmarks, at least 1.
     noise : float
         Standard deviation of the bearings [rad].
     seed : int
         The same seed gives the same scene on every machine.
     width, height : float
-        Of the arena [m].
+        Size of the arena [m].
     sight : float
-        How far a view sees [m].
+        Range of sight of a view [m].
 
     Returns
     -------

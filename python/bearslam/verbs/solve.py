@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reconstruction of many views: from nothing, from a guess, or without the refinement."""
+"""Reconstruction from many views: from scratch, from an initial map, or by linear methods alone."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from bearslam.verbs.diagnose import diagnosed
 __all__ = ["initialize", "refine", "solve"]
 
 NO_FRAME = "odometry and priors leave free"
-"""What a `DegenerateError` says of covariances in the frame "priors" when there is no such frame."""
+"""Part of the quantity of a `DegenerateError` that is raised when the frame "priors" does not exist."""
 
 
 def solve(
@@ -46,95 +46,96 @@ def solve(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Poses and landmarks from bearings, alone or with odometry and priors: no guess.
+    """Reconstruct poses and landmarks from bearings, with or without odometry and priors, with no initial guess.
 
-    The tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly, by
-    resection and triangulation; the best of these are refined until one is beyond doubt; the least cost is the answer.
-    With odometry or priors a map is grown along them as well, and the answer is maximum a posteriori.
+    The trifocal tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly,
+    by resection and triangulation; the best of these are refined until one is beyond doubt, and the one of least cost
+    is returned. With odometry or priors a map is grown along them as well, and the result is maximum a posteriori.
 
     Parameters
     ----------
     problem : (m, n) array_like of float, Sightings or Problem
         Bearings at which view i sees landmark j, in the frame of the view, counter-clockwise from its heading; NaN
-        where it does not [rad]. Three views with five landmarks or four with four are the least.
+        where it does not [rad]. At least three views with five landmarks, or four with four.
     sigma : float or array_like of float
-        Standard deviation of all bearings or of each, in the shape of the problem [rad]. Sightings may come with their
-        own instead. With the default only the cost and the covariances have another scale; a loss other than "squared",
-        odometry and priors weigh bearings against something, and need the true one, at most 0.5.
+        Standard deviation of all bearings or of each, in the shape of the problem [rad]; sightings may have their own
+        instead. The default affects only the scale of the cost and of the covariances. A loss other than "squared",
+        odometry and priors weigh bearings against something else and need the true value, at most 0.5.
     loss : {"squared", "huber", "cauchy", "truncated"}
-        How much a residual counts. "huber" lets outliers pull with a constant force, "cauchy" the less the farther out
-        they are, "truncated" not at all. The first map is found without it: many outliers need `robust`. Odometry and
-        priors count with their squares.
+        Loss applied to the residuals. The influence of an outlier is constant with "huber", decreases with its residual
+        with "cauchy", and is zero with "truncated". The initial map is found without the loss: many outliers need
+        `robust`. Odometry and priors always have a squared loss.
     robust : bool
-        Whether to expect outliers: landmarks taken for others, bearings off by pi, random ones. The map is the one that
-        explains most bearings to within three standard deviations, `inliers` says which. Needs the true `sigma`; `loss`
-        does not matter then. Up to a third of the bearings may be wrong.
+        Whether to tolerate outliers: mismatched landmarks, bearings off by pi, random bearings. The map is the one that
+        explains most bearings to within three standard deviations; `inliers` says which. Needs the true `sigma` and
+        ignores `loss`. Up to a third of the bearings may be wrong.
     loss_scale : float, optional
-        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", which keep 95 % of
-        the efficiency of least squares, and 3 for "truncated".
+        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", for 95 % of the
+        efficiency of least squares, and 3 for "truncated".
     oriented : bool
-        Whether bearings are rays. False for lines, known modulo pi only: headings are then known modulo pi as well,
-        each for itself.
+        Whether bearings are rays. False for lines, known modulo pi only: each heading is then known modulo pi only as
+        well.
     odometry : Odometry, optional
-        Measured motions between views. They know the scale. These and priors are by default those of the `Problem`.
+        Measured motions between views, which determine the scale. Odometry and priors default to those of the
+        `Problem`.
     pose_priors : PosePriors, optional
-        Poses known beforehand, or parts of them: a compass knows headings.
+        Priors on poses, or on some of their coordinates, such as the headings of a compass.
     landmark_priors : LandmarkPriors, optional
-        Landmarks whose position is known beforehand.
+        Priors on the positions of landmarks.
     covariance : bool or {"first_view", "free_network", "priors"}
-        Whether to compute the covariances of poses and landmarks, and in which frame. "first_view": what odometry and
-        priors leave open is held as it is in the result, at the first view and the distance of the others from it.
-        "free_network": of what they leave open, nothing moves on the whole; the covariance after the map has been laid
-        over the truth by all its positions. "priors": they leave nothing open. True is "priors" if they do, and
-        "first_view" otherwise.
+        Whether to compute the covariances of poses and landmarks, and in which frame. "first_view": gauge freedom that
+        odometry and priors leave is removed by holding the first view and the distance of the others from it.
+        "free_network": it is removed by inner constraints, as if the map were aligned with the truth by all its
+        positions. "priors": they leave no gauge freedom. True is "priors" if that holds, and "first_view" otherwise.
     method : {"search", "calibrated", "projective", "incremental", "global"}
-        "search" tries many triples. "calibrated" and "projective" are the path of the paper: they start from the first
-        three views, with the tensor of that name (see `three_view`), and choose between its two solutions by a fourth.
-        "incremental" grows maps view by view from several seeds, with refinement in between; "search" does the same
-        under limited sight: more than 40 views, or eight and more that see less than 60 % of the landmarks. "global"
-        takes all views at once: headings by rotation averaging, then one linear system for all positions.
+        How to find the initial map. "search" tries many triples. "calibrated" and "projective" follow the paper: they
+        start from the first three views, with the tensor of that name (see `three_view`), and choose between its two
+        solutions by a fourth view. "incremental" grows maps view by view from several seeds, with refinement in
+        between; "search" does the same under limited sight: with more than 40 views, or with eight or more that see
+        less than 60 % of the landmarks. "global" takes all views at once: headings by rotation averaging, then one
+        linear system for all positions.
     triples : int
-        Triples of views whose tensor is estimated; "search" only.
+        Number of triples of views whose tensor is estimated; "search" only.
     grown : int
-        The best conditioned of them, so many, are grown to whole maps, both solutions of each; "search" only.
+        Number of these, best conditioned first, that are grown to whole maps, both solutions of each; "search" only.
     candidates : int
-        Most maps that are refined; fewer when the cost of one is what `sigma` lets expect, or two end in the same
-        minimum. "search" only.
+        Largest number of maps that are refined; fewer if the cost of one is what `sigma` predicts, or two end in the
+        same minimum. "search" only.
     swept : int
-        When the candidates leave doubt, the tensors of so many triples are varied in the direction that the bearings
-        hold least, and twice as many candidates follow; 0 for none. "search" only.
+        Number of triples whose tensors are varied in their least determined direction if the candidates leave doubt;
+        twice as many candidates follow. 0 for none; "search" only.
     max_iterations : int
-        Steps of one refinement at most.
+        Largest number of iterations of one refinement.
     damping : float
-        First damping of Levenberg-Marquardt; 0 for Gauss-Newton.
+        Initial damping of Levenberg-Marquardt; 0 for Gauss-Newton.
     tolerance : float
-        The refinement has converged when a step would lower the cost by less than this share of it.
+        Relative decrease of the cost below which the refinement has converged.
     seed : int
-        Where the draw of triples starts. The same seed gives the same bits.
+        Seed of the random choice of triples. The same seed gives the same bits.
     progress : callable, optional
-        Called now and then as ``progress(stage, done, total)``. An exception raised in it stops the work.
+        Called from time to time as ``progress(stage, done, total)``. An exception raised in it stops the work.
 
     Returns
     -------
     Reconstruction
-        The best map; others that explain the bearings nearly as well are its `alternatives`, maps of views that too
-        few common landmarks tie to it its `components`.
+        The best map. Others that explain the bearings nearly as well are its `alternatives`; maps of views that share
+        too few landmarks with it are its `components`.
 
     Raises
     ------
     InvalidInputError
-        If an argument is out of range, a landmark is seen twice by a view, there are too few sightings, or `sigma` is
-        no standard deviation where one is needed.
+        If an argument is out of range, a view sees a landmark twice, there are too few sightings, or `sigma` is not
+        plausible where it is needed.
     DegenerateError
-        If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place,
-        with `robust` no map that more bearings agree with than chance explains.
-        Its `diagnosis` says what is wrong, and what to add. If covariances are asked for in the frame "priors", and
-        odometry and priors leave something open.
+        If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place, or
+        with `robust` no map that more bearings support than chance would explain. Its `diagnosis`, a `Diagnosis`, says
+        what is wrong and what to add. If covariances are requested in the frame "priors", and odometry and priors leave
+        gauge freedom.
 
     See Also
     --------
     initialize : the same without the refinement.
-    diagnose : what the bearings determine, and why not.
+    diagnose : what the bearings determine, what they do not, and why.
     refine : the refinement alone.
 
     References
@@ -153,7 +154,7 @@ def solve(
     >>> bool(np.allclose(similarity.apply_poses(result.poses), scene.poses, atol=1e-6))
     True
 
-    Odometry knows the scale, and what is known to which accuracy can be asked:
+    Odometry determines the scale, and covariances tell the accuracy:
 
     >>> noise = 0.01
     >>> scene = simulate("trajectory", 30, 20, noise=noise, seed=1, sight=2.0)
@@ -189,7 +190,7 @@ def solve(
     try:
         raws = _core.solve(request.raw, how, refining, wanted, observer(progress))
     except DegenerateError as error:
-        # With outliers no map tells about the geometry; where only the frame is none, the map is as good as it was.
+        # Outliers would mislead the diagnosis, and if only the frame does not exist, nothing is wrong with the map.
         if not robust and NO_FRAME not in error.quantity:
             error.diagnosis = diagnosed(request, None, None, progress)
         raise
@@ -209,14 +210,14 @@ def initialize(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Poses and landmarks by linear methods alone: a start for `refine`, or something to compare `solve` with.
+    """Reconstruct by linear methods alone: a start for `refine`, or a baseline for `solve`.
 
     Parameters
     ----------
     problem, sigma, oriented, method, triples, grown, seed, progress
-        As for `solve`. Odometry and priors of a `Problem` are not looked at.
+        As for `solve`. Odometry and priors of a `Problem` are ignored.
     loss, loss_scale
-        As for `solve`: how the maps are judged.
+        As for `solve`; used to compare the maps.
 
     Returns
     -------
@@ -268,7 +269,7 @@ def refine(
     tolerance: float = 1e-10,
     progress: Progress | None = None,
 ) -> Reconstruction:
-    """Nearest map of least cost, by Levenberg-Marquardt from a start.
+    """Refine a map to the nearest minimum of the cost, by Levenberg-Marquardt.
 
     Parameters
     ----------
@@ -277,20 +278,20 @@ def refine(
     max_iterations, damping, tolerance, progress
         As for `solve`.
     start : Reconstruction, Scene or (poses, landmarks), optional
-        Poses (m, 3) and landmarks (n, 2) to start at; NaN for what is to be left out. In any frame and scale without
-        odometry and priors, in theirs otherwise. By default the start that a `Problem` comes with.
+        Initial poses (m, 3) and landmarks (n, 2); NaN for what to leave out. In any frame and scale without odometry
+        and priors, in theirs otherwise. By default the start of the `Problem`.
 
     Returns
     -------
     Reconstruction
-        The minimum that was reached, in the gauge of every reconstruction.
+        The minimum, in the gauge of every reconstruction.
 
     Raises
     ------
     InvalidInputError
-        As for `solve`, or if the start has another size than the problem.
+        As for `solve`, or if the start is not of the size of the problem.
     DegenerateError
-        If a view of the start stands on a landmark that it sees, or the map has more freedom than a similarity.
+        If a view of the start coincides with a landmark that it sees, or more than the gauge is free.
 
     References
     ----------

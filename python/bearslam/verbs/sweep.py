@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Monte-Carlo sweeps: many random scenes, each solved from several starts and judged."""
+"""Monte-Carlo sweeps: many random scenes, each refined from several starts and compared with the truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from bearslam.verbs.simulate import Layout
 
 __all__ = ["sweep"]
 
-MOST_THREADS = 2**16
+MAX_THREADS = 2**16
 
 
 def sweep(
@@ -41,46 +41,46 @@ def sweep(
     chunk: int | None = None,
     threads: int = 0,
 ) -> SweepResult:
-    """How often the refinement fails from which start, and how large the errors are: many random scenes.
+    """Measure how often the refinement fails from each start, and how large the errors are, over many random scenes.
 
     Every combination of layout, views, landmarks and noise is a cell. In each cell `trials` scenes are drawn, each is
-    solved from every start, and the maps are judged by their cost and by the truth. Everything is counted in whole
-    numbers, so the same seed gives the same bits, wherever and in however many pieces it is computed; times apart.
+    refined from every start, and the maps are judged by their cost and by their errors. All counts are integers: apart
+    from times, the same seed gives the same bits, wherever and in however many pieces it is computed.
 
     Parameters
     ----------
     layout : str or sequence of str
-        As for `simulate`. Given as a word, results have no axis for it; given as a sequence, they do.
+        As for `simulate`. Results have an axis for it only if it is given as a sequence.
     views, landmarks : int or sequence of int
-        How many of each; 3 views and 4 landmarks at least.
+        Numbers of views and landmarks; at least 3 views and 4 landmarks.
     noise : float or sequence of float
         Standard deviations of the bearings [rad].
     trials : int
-        Scenes in every cell.
+        Number of scenes per cell.
     starts : sequence of {"random", "projective", "calibrated", "solve"}
-        Where refinements start. "random": at another random scene of the cell. "projective" and "calibrated": at what
-        the method of that name makes of the first three views, as in the paper. "solve": all that `solve` does.
+        Starts of the refinement. "random": another random scene of the cell. "projective" and "calibrated": the result
+        of the method of that name, as in the paper. "solve": everything that `solve` does.
     seed : int
-        From 0 to 2^64 - 1. Other seeds give other scenes, and their results can be merged.
+        From 0 to 2^64 - 1. Different seeds give different scenes, and their results can be merged.
     executor : concurrent.futures.Executor, optional
-        Where to run: a pool of processes, the executor of a dask or MPI cluster. By default in this process. A chunk
-        that fails is tried three times more.
+        Executor to run on: a pool of processes, or that of a dask or MPI cluster; by default this process. A chunk that
+        fails is retried three times.
     progress : bool or callable
         True shows a bar on a terminal. A function is called as ``progress("scenes", done, total)``; an exception raised
         in it stops the sweep.
     checkpoint : str or path, optional
-        A file that remembers what has been done, within half a second, even when the process is killed. The same sweep
-        called with it again does only what is missing; `trials` may have grown.
+        File that records finished chunks, even if the process is killed, within half a second. The same sweep called
+        again with it does only what is missing; `trials` may have grown.
     chunk : int, optional
-        Trials that are done in one go; no matter for the result. By default a 2000th of the scenes of the sweep, but 10
-        at least and 10 000 at most.
+        Number of trials per piece of work, which does not affect the result. By default a 2000th of the scenes of the
+        sweep, but at least 10 and at most 10 000.
     threads : int
-        Threads of this process, 0 for one on every core; not with an executor, whose tasks have one each.
+        Number of threads of this process, 0 for one per core. Not with an executor, whose tasks have one thread each.
 
     Returns
     -------
     SweepResult
-        Failures, errors, iterations and times. After Ctrl-C (`KeyboardInterrupt`) that of what has been done: see
+        Failures, errors, iterations and times. After Ctrl-C (`KeyboardInterrupt`) those of the trials done so far; see
         `SweepResult.complete`.
 
     Raises
@@ -88,13 +88,14 @@ def sweep(
     InvalidInputError
         If an argument is out of range, or the checkpoint belongs to another sweep.
     ExecutorError
-        If the executor breaks, is shut down, or fails at the same chunk four times. Its `result` has what was done.
+        If the executor breaks, is shut down, or fails at the same chunk four times. Its `result`, a `SweepResult`, has
+        the trials done by then.
     OSError
         If the checkpoint cannot be written.
 
     See Also
     --------
-    simulate, solve : one scene.
+    simulate, solve : the same for one scene.
 
     References
     ----------
@@ -113,7 +114,7 @@ def sweep(
     grid = Grid.of(layout, views, landmarks, noise, starts)
     trials, seed = whole("trials", trials, 1), whole("seed", seed, 0, SEED_LIMIT)
     size = chunk_size(grid.cells * trials) if chunk is None else whole("chunk", chunk, 1)
-    threads = whole("threads", threads, 0, MOST_THREADS)
+    threads = whole("threads", threads, 0, MAX_THREADS)
     _check(executor, threads, progress, checkpoint)
     ledger = Ledger(grid)
     try:
@@ -146,7 +147,7 @@ def sweep(
             else:
                 run_on(executor, raw, grid.start, seed, done)
     except KeyboardInterrupt:
-        pass  # what has been done is worth having
+        pass  # return what has been done
     except HaltedError as halted:
         message = f"executor: {halted}"
         raise ExecutorError(message, result=SweepResult(grid, trials, (seed,), ledger.tally())) from halted.__cause__

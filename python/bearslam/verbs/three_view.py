@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Three views of the same landmarks: motion and map in closed form, by way of the trifocal tensor."""
+"""Three views of the same landmarks: motion and map in closed form, by the trifocal tensor."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = ["ThreeViewBatch", "ThreeViewSolution", "epipoles", "three_view", "thr
 ThreeViewMethod = Literal["calibrated", "projective"]
 THREE_VIEW_METHODS = ("calibrated", "projective")
 LANDMARKS = {"calibrated": 5, "projective": 7}
-"""Fewest landmarks of each method."""
+"""Smallest number of landmarks for each method."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreeViewSolution:
-    """One of the two motions that a trifocal tensor allows, with the landmarks that go with it.
+    """One of the two motions that a trifocal tensor allows, with its landmarks.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class ThreeViewSolution:
     landmarks : (n, 2) ndarray
         Positions in the same frame [baselines].
     inconsistent : int
-        Sightings that point away from their landmark: 0 for a motion that is physically possible without noise.
+        Sightings that point away from their landmark (cheirality); without noise 0 for the true motion.
     cost : float
         Half the sum of the squared differences between measured and predicted bearings [rad^2].
     near_collinear : bool
-        The three views are so nearly on one line that the two solutions merge: expect a large error.
+        Whether the three views are so nearly collinear that the two solutions merge: expect a large error.
     """
 
     poses: FloatArray
@@ -59,25 +59,25 @@ def three_view(
 ) -> list[ThreeViewSolution]:
     """Motion of three views and positions of n landmarks from bearings alone, in closed form.
 
-    The rays of three views to one landmark meet in a point. That makes a form that is linear in each of the three
-    bearings vanish: its coefficients, the trifocal tensor, follow from the bearings linearly, and the motion from them
-    in closed form, up to a similarity of the plane and to a choice between two.
+    The rays of three views to one landmark meet in a point, so that a form that is linear in each of the three bearings
+    vanishes. Its coefficients, the trifocal tensor, follow linearly from the bearings, and the motion follows from the
+    tensor in closed form, up to a similarity of the plane and a twofold ambiguity.
 
     Parameters
     ----------
     bearings : (3, n) array_like of float
         Direction to each landmark in the frame of each view, counter-clockwise from its heading [rad].
     method : {"calibrated", "projective"}
-        "calibrated" uses that bearings are angles: six unknowns, n >= 5. "projective" is the method of the paper:
+        "calibrated" makes use of bearings being angles: six unknowns, n >= 5. "projective" is the method of the paper:
         eight unknowns, n >= 7.
     reweights : int
-        Times that the calibrated equations are solved again, each divided by its standard deviation.
+        Number of times that the calibrated equations are solved again, each divided by its standard deviation.
 
     Returns
     -------
     list of ThreeViewSolution
-        Best first: fewest sightings that point the wrong way, then the lesser cost. Two, and noise may put the true
-        one second; or one, where noise has flattened the triangle of the views, in which the two merge.
+        Best first: fewest sightings that point away from their landmark, then lowest cost. Two solutions, of which
+        noise may put the true one second; or one, if noise has flattened the triangle of the views so that both merge.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def three_view(
         If the shape is not (3, n), n is too small, or a bearing is not finite.
     DegenerateError
         If more than one tensor fits the bearings: all landmarks on one line, or on one circular cubic curve through
-        the three views, two views in one place.
+        the three views, or two coincident views.
 
     References
     ----------
@@ -102,10 +102,10 @@ def three_view(
     >>> errors = [
     ...     np.abs(align(s.landmarks, scene.landmarks).apply(s.landmarks) - scene.landmarks).max() for s in solutions
     ... ]
-    >>> bool(min(errors) < 1e-6)  # metres: one of them is the truth
+    >>> bool(min(errors) < 1e-6)  # one of them is the truth, to 1e-6 m
     True
 
-    Landmarks along one wall leave the motion open:
+    Landmarks along one wall do not determine the motion:
 
     >>> wall = np.arctan2(2.0, np.linspace(-3, 3, 9) - np.array([[0.0], [1.0], [-0.5]]))
     >>> three_view(wall)
@@ -119,12 +119,12 @@ def three_view(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThreeViewBatch:
-    """Both motions of each of k three-view problems; best first, NaN where there is none.
+    """Both solutions of each of k three-view problems, best first; NaN where there is none.
 
     Attributes
     ----------
     poses : (k, 2, 3, 3) ndarray
-        As in `ThreeViewSolution`, of both solutions.
+        Poses of both solutions, as in `ThreeViewSolution`.
     landmarks : (k, 2, n, 2) ndarray
         Positions in the same frames.
     inconsistent : (k, 2) ndarray of int
@@ -132,7 +132,7 @@ class ThreeViewBatch:
     cost : (k, 2) ndarray
         Half the sum of the squared differences between measured and predicted bearings [rad^2].
     near_collinear : (k,) ndarray of bool
-        The two solutions merge: expect a large error.
+        Whether the two solutions merge: expect a large error.
     """
 
     poses: FloatArray
@@ -152,7 +152,7 @@ class ThreeViewBatch:
 def three_view_batch(
     bearings: ArrayLike, *, method: ThreeViewMethod = "calibrated", reweights: int = 2
 ) -> ThreeViewBatch:
-    """Motions of many triples of views, over all cores.
+    """Solve many three-view problems on all cores.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def three_view_batch(
     Returns
     -------
     ThreeViewBatch
-        What `three_view` returns for each, in arrays. A degenerate problem is no error: its numbers are NaN.
+        The results of `three_view` in arrays. A degenerate problem is not an error: its numbers are NaN.
 
     Raises
     ------
@@ -208,15 +208,15 @@ def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrate
     bearings : (3, n) array_like of float
         Direction to each landmark in the frame of each view [rad].
     method : {"calibrated", "projective"}
-        "calibrated" keeps to the six-dimensional space of tensors that angles allow, n >= 5; "projective" does not,
+        "calibrated" stays in the six-dimensional space of tensors of calibrated views, n >= 5; "projective" does not,
         n >= 7.
     reweights : int
-        Times that the calibrated equations are solved again, each divided by its standard deviation.
+        Number of times that the calibrated equations are solved again, each divided by its standard deviation.
 
     Returns
     -------
     (2, 2, 2) ndarray
-        T[i, j, l], of unit Frobenius norm. Its sign means nothing.
+        T[i, j, l], of unit Frobenius norm. Its sign is arbitrary.
 
     Raises
     ------
@@ -245,26 +245,25 @@ def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrate
 
 
 def epipoles(tensor: ArrayLike) -> FloatArray:
-    """Directions in which three views see one another, from their trifocal tensor.
+    """Bearings at which three views see one another, from their trifocal tensor.
 
     Parameters
     ----------
     tensor : (2, 2, 2) array_like of float
-        Trifocal tensor, of any scale and sign but zero.
+        Trifocal tensor, of any scale and sign, not zero.
 
     Returns
     -------
     (2, 3, 3) ndarray
-        Under each of the two assignments k, [k, i, j] is the bearing at which view i sees view j, modulo pi [rad]; NaN
-        for i = j.
+        For each of the two solutions k, [k, i, j] is the bearing at which view i sees view j, modulo pi [rad]; NaN for
+        i = j.
 
     Raises
     ------
     InvalidInputError
         If the shape is wrong or a number is not finite.
     DegenerateError
-        If the epipoles are complex, with the discriminant as `value` (noise has destroyed the geometry), or undefined
-        (views in one place).
+        If the epipoles are complex, with the discriminant as `value` (too much noise), or undefined (coincident views).
 
     References
     ----------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Landmarks from known poses."""
+"""Triangulation: landmarks from known poses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["triangulate"]
 
 
 def triangulate(poses: ArrayLike, bearings: ArrayLike) -> FloatArray:
-    """Positions of landmarks seen from known poses: where the rays meet, in the least-squares sense, linearly.
+    """Positions of landmarks from bearings at known poses: the least-squares intersection of the rays, linearly.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def triangulate(poses: ArrayLike, bearings: ArrayLike) -> FloatArray:
     -------
     (n, 2) ndarray
         Positions in the map frame [length]. NaN for a landmark that the rays do not determine: seen fewer than twice,
-        along parallel rays, or where the rays meet behind the views.
+        along parallel rays, or if the rays intersect behind the views.
 
     Raises
     ------
     InvalidInputError
-        If shapes do not go together or a number is not finite.
+        If shapes do not match or a number is not finite.
 
     References
     ----------
