@@ -136,7 +136,7 @@ def test_csv_holds_sightings_alone(tmp_path_factory, problem):
 def test_names_that_no_text_has_are_refused(tmp_path):
     problem = Problem(Sightings([0], [0], [0.5], 0.1), ["\ud800"], ["b"])
     for name in ("a.csv", "a.g2o"):
-        with pytest.raises(InvalidInputError, match="^path: expected names that UTF-8 has letters for, got"):
+        with pytest.raises(InvalidInputError, match="^path: expected names that UTF-8 can encode, got"):
             bearslam.save(problem, tmp_path / name)
     assert not list(tmp_path.iterdir())
 

@@ -67,7 +67,7 @@ def test_both_conventions_in_both_orders(noise):
     matrix = np.array([[100, 10, 5], [10, 25, 1], [5, 1, 400.0]])
     expected = matrix if noise in ("graph", "cov") else np.linalg.inv(matrix)
     np.testing.assert_allclose(parse(text.encode(), "x", noise).odometry.sigma[0], expected, rtol=1e-14)
-    with pytest.raises(InvalidInputError, match="^x:1: the numbers .* do not tell what they are; say it by noise: "):
+    with pytest.raises(InvalidInputError, match="^x:1: the numbers .* are ambiguous; state their meaning by noise: "):
         parse(text.encode(), "x")
 
 
@@ -112,20 +112,23 @@ BAD = [
     ("BR 0 1 0.5 5e-324 0.02 0.3\n", "bad.graph:1: expected a landmark at a distance from 1e-100 to 1e+100, got 4.94"),
     (SEEN + "odometry 0 1\n", "bad.graph:2: expected a tag such as ODOMETRY, got 'odometry'"),
     (SEEN + "EDGE2 0 0 1 0 0 1 0 4 9 0 0\n", "bad.graph:2: expected an edge between two poses, got 0 twice"),
-    (SEEN + "EDGE2 0 1 1 0 0 0 0 0 0 0 0\n", "bad.graph:2: the numbers 0 0 0 0 0 0 do not tell what they are; say it"),
+    (SEEN + "EDGE2 0 1 1 0 0 0 0 0 0 0 0\n", "bad.graph:2: the numbers 0 0 0 0 0 0 are ambiguous; state their meaning"),
     (SEEN + "EDGE2 0 1 1 0 0 -1 0 4 9 0 0\n", "bad.graph:2: expected variances above 0, got -1"),
     (SEEN + "EDGE2 0 1 1 0 0 1 0 4 9 0 0\nEDGE2 1 2 1 0 0 1 0 0 4 0 9\n", "bad.graph:3: the zeros look like those of"),
     ("LANDMARK 0 1 1 0 0 0 1\n", "bad.graph:1: expected variances above 0, got 0"),
-    ("LANDMARK 0 1 1 0 1 1 1\n", "bad.graph:1: expected a positive definite matrix, got one that is next to singular"),
-    ("LANDMARK 0 1 0 0 1 0 1\n", "bad.graph:1: expected a landmark apart from the pose, got one upon it"),
+    ("LANDMARK 0 1 1 0 1 1 1\n", "bad.graph:1: expected a positive definite matrix, got one that is nearly singular"),
+    ("LANDMARK 0 1 0 0 1 0 1\n", "bad.graph:1: expected a landmark away from the pose, got one that coincides with it"),
     ("BR 0 1 0.5 0 0.02 0.3\n", "bad.graph:1: expected a range above 0, got 0"),
     ("BR 0 1 0.5 10 0 0.3\n", "bad.graph:1: expected a standard deviation above 0, got 0"),
     (
         "BR 0 1 0.5 1e200 1e200 1\n",
-        "bad.graph:1: expected a range and standard deviations that doubles hold, got 1e+200",
+        "bad.graph:1: expected a range and standard deviations that doubles can hold, got 1e+200",
     ),
     (SEEN + SEEN, "bad.graph:2: pose '0' sees landmark '1' a second time; the first is on line 1"),
-    (SEEN + "VERTEX2 0 0 0 0\nVERTEX2 0 1 0 0\n", "bad.graph:3: vertex 0 comes a second time; the first is on line 2"),
+    (
+        SEEN + "VERTEX2 0 0 0 0\nVERTEX2 0 1 0 0\n",
+        "bad.graph:3: vertex 0 appears a second time; the first is on line 2",
+    ),
 ]
 
 
@@ -311,11 +314,11 @@ def test_bearings_alone_can_be_turned_but_not_moved():
 @pytest.mark.parametrize(
     ("sensor", "message"),
     [
-        ((1,), "sensor: expected x, y and, if it is turned, theta, got 1 numbers"),
-        ((1, 2, 3, 4), "sensor: expected x, y and, if it is turned, theta, got 4 numbers"),
+        ((1,), "sensor: expected x, y and, if it is rotated, theta, got 1 numbers"),
+        ((1, 2, 3, 4), "sensor: expected x, y and, if it is rotated, theta, got 4 numbers"),
         ((1, np.nan), r"sensor\[1\]: expected a finite number, got nan"),
         ("ab", "sensor: expected real numbers, got an array of dtype"),
-        ((3, 4), "sensor: a landmark is where the sensor is"),
+        ((3, 4), "sensor: a landmark coincides with the sensor"),
     ],
 )
 def test_sensors_that_are_none(sensor, message):
@@ -336,7 +339,7 @@ def test_half_known_poses_do_not_move():
     assert compass.sigma.tolist() == [[math.inf, math.inf, 0.02]]
     assert compass.pose[0, 2] == 0.5
     for sigma in ([0.1, 0.1, math.inf], [math.inf, 0.1, 0.1]):
-        with pytest.raises(InvalidInputError, match="^sensor: expected known poses of which all coordinates are known"):
+        with pytest.raises(InvalidInputError, match="^sensor: expected priors on all coordinates of poses"):
             in_sensor_frame(known(sigma), (1, 0))
         assert in_sensor_frame(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
 

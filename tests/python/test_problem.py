@@ -98,7 +98,7 @@ def test_bad_sightings(view, landmark, bearing, sigma, message):
         ([[0.1]], NAN, "sigma: expected a finite number, got nan"),
         ([[0.1]], "wide", "sigma: expected real numbers"),
         ([[0.1]], [1.0], r"sigma: expected an array of shape \(1, 1\), got \(1,\)"),
-        (Sightings([0], [0], [0.1], 0.1), 0.2, "sigma: the sightings come with standard deviations of their own"),
+        (Sightings([0], [0], [0.1], 0.1), 0.2, "sigma: the sightings have their own standard deviations"),
         (object(), 1.0, r"bearings: expected real numbers, got an array of dtype object"),
     ],
 )
@@ -193,7 +193,7 @@ def test_offsets():
     moved = [bearslam.Offsets([0], [[3 + dx, 4 + dy]], correlated).bearing[0] for dx, dy in ((step, 0), (0, step))]
     slope = (np.array(moved) - offsets.bearing[0]) / step
     assert offsets.bearing_sigma[0] == pytest.approx(np.sqrt(slope @ correlated[0] @ slope), rel=1e-5)
-    with pytest.raises(InvalidInputError, match=r"position\[1\]: expected a landmark apart"):
+    with pytest.raises(InvalidInputError, match=r"position\[1\]: expected a landmark away"):
         bearslam.Offsets([0, 1], [[1, 0], [0, 0]], [1, 1])
     with pytest.raises(InvalidInputError, match="sighting: expected every sighting at most once"):
         bearslam.Offsets([0, 0], [[1, 0], [1, 0]], [1, 1])
@@ -201,5 +201,5 @@ def test_offsets():
 
 def test_refine_without_a_start():
     _, parts = everything()
-    with pytest.raises(InvalidInputError, match="start: expected a map to start at"):
+    with pytest.raises(InvalidInputError, match="start: expected an initial map"):
         bearslam.refine(parts["sightings"])

@@ -170,7 +170,7 @@ def test_a_single_true_pose(folder):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("Robot3_Groundtruth.dat", "10.0 1 2 3\n9.0 1 2 3\n", "dat:2: expected a time not before"),
+        ("Robot3_Groundtruth.dat", "10.0 1 2 3\n9.0 1 2 3\n", "dat:2: expected a time no earlier than"),
         ("Robot3_Groundtruth.dat", "10.0 1 2\n", "dat:1: expected 4 numbers (time, x, y, orientation), got '10.0 1 2'"),
         ("Landmark_Groundtruth.dat", "7 1 2 0.1 0.1\n7 1 2 0.1 0.1\n", "dat:2: expected every subject once, got 7"),
         ("Landmark_Groundtruth.dat", "7.5 1 2 0.1 0.1\n", "dat:1: expected a whole number as subject, got 7.5"),

@@ -69,13 +69,13 @@ def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, l
             each = deviations(sigma, (len(problem),))
             problem = Sightings(problem.view, problem.landmark, problem.bearing, each)
         elif not np.array_equal(plain("sigma", sigma), 1.0):
-            raise InvalidInputError("sigma: the sightings come with standard deviations of their own; give only one")
+            raise InvalidInputError("sigma: the sightings have their own standard deviations; give only one of the two")
         else:
             each = problem.sigma
         views, landmarks = max(problem.view_count, views), max(problem.landmark_count, landmarks)
         if views * landmarks > PAIRS:
             raise InvalidInputError(
-                f"sightings: expected indices that leave few numbers out, got {len(problem)} sightings of "
+                f"sightings: expected nearly consecutive indices, got {len(problem)} sightings of "
                 f"{landmarks} landmarks from {views} views"
             )
         return DenseOrSparse(views, landmarks, problem, each, dense=False)

@@ -56,7 +56,9 @@ def refinement(
 ) -> RawRefine:
     """Options of the refinement."""
     if loss_scale is not None and choice("loss", loss, LOSSES) == "squared":
-        raise InvalidInputError(f"loss_scale: expected None, for squares have no width, got {quote(loss_scale)}")
+        raise InvalidInputError(
+            f"loss_scale: expected None, since the squared loss has no width, got {quote(loss_scale)}"
+        )
     return {
         "max_iterations": whole("max_iterations", max_iterations, 1),
         "damping": real("damping", damping, 0.0),

@@ -61,7 +61,7 @@ class Odometry:
         if (first == last).any():
             where = int(np.argmax(first == last))
             raise InvalidInputError(
-                f"end[{where}]: expected another view than that of start, got {last[where]} for both"
+                f"end[{where}]: expected a view other than that of start, got {last[where]} for both"
             )
         set_read_only(
             self,

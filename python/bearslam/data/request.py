@@ -59,7 +59,7 @@ class Request:
         entries = len(self.table.sightings) + sum(map(len, [*views, *landmarks]))
         if max(self.table.views, self.table.landmarks) > GAPS * entries:
             raise InvalidInputError(
-                f"sightings: expected indices that leave few numbers out, got {self.table.views} views and "
+                f"sightings: expected nearly consecutive indices, got {self.table.views} views and "
                 f"{self.table.landmarks} landmarks in {entries} sightings, motions and priors"
             )
         if choice("loss", loss, LOSSES) != "squared":

@@ -131,7 +131,9 @@ class Offsets:
         nowhere = ~places.any(axis=1)
         if nowhere.any():
             where = int(np.argmax(nowhere))
-            raise InvalidInputError(f"position[{where}]: expected a landmark apart from the view, got one upon it")
+            raise InvalidInputError(
+                f"position[{where}]: expected a landmark away from the view, got one that coincides with it"
+            )
         set_read_only(self, sighting=index, position=places, sigma=noise("sigma", sigma, k, 2))
 
     def __len__(self) -> int:

@@ -90,12 +90,12 @@ def in_map_axes(spread: EdgeNoise, turn: float, where: str) -> EdgeNoise:
         return spread
     if deviations is not None and math.inf in deviations[:2]:
         raise InvalidInputError(
-            f"{where}: expected information on both x and y or on neither, as the pose is turned: bearslam has "
+            f"{where}: expected information on both x and y or on neither, as the pose is rotated: bearslam has "
             "standard deviations along the axes of the map"
         )
     if deviations is not None and math.isinf(deviations[2]):
         raise InvalidInputError(
-            f"{where}: expected the same information on x and y, as the pose is turned and nothing is known of its "
+            f"{where}: expected the same information on x and y, as the pose is rotated and nothing is known of its "
             "heading: bearslam has standard deviations along the axes of the map"
         )
     local = full_matrix(spread.upper())

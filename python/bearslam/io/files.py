@@ -116,7 +116,7 @@ def load(
     if found is None and ending == ".txt":
         raise InvalidInputError(
             f"{name}: expected a header of CSV, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of "
-            f"{', '.join(FORMATS)}, say so by format"
+            f"{', '.join(FORMATS)}, state it by format"
         )
     if found == "g2o":
         problem = g2o.parse(data, name)
@@ -190,7 +190,7 @@ def _write(path: str | os.PathLike[str], text: str) -> None:
         data = text.encode()
     except UnicodeEncodeError as error:
         wrong = text[error.start]
-        raise InvalidInputError(f"path: expected names that UTF-8 has letters for, got {wrong!r} in one") from None
+        raise InvalidInputError(f"path: expected names that UTF-8 can encode, got {wrong!r} in one") from None
     with replacing(path) as file:
         file.write(data)
 

@@ -195,7 +195,7 @@ def render(what: Estimate | ProblemLike) -> str:
     seen = problem.sightings
     if seen.sigma is None:
         raise InvalidInputError(
-            "sightings: expected standard deviations, for g2o states the information of every edge, got none; give "
+            "sightings: expected standard deviations, since g2o states the information of every edge, got none; give "
             "sigma (on the command line --sigma-deg)"
         )
     _check(problem, seen)
@@ -227,7 +227,7 @@ def _problem(what: Estimate | ProblemLike) -> Problem:
     if isinstance(what, Estimate):
         if not what.oriented:
             raise InvalidInputError(
-                "path: expected bearings that are rays, as g2o takes them, got lines, known modulo half a turn; save "
+                "path: expected bearings that are rays, as in g2o, got lines, known modulo half a turn; save "
                 "the map as .json or .csv"
             )
         m, n = len(what.poses), len(what.landmarks)

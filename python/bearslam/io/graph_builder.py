@@ -105,7 +105,9 @@ class GraphBuilder:
         low, high = SIGMA_RANGE
         distance = math.hypot(*position)
         if not distance:
-            raise InvalidInputError(f"{self.where(line)}: expected a landmark apart from the pose, got one upon it")
+            raise InvalidInputError(
+                f"{self.where(line)}: expected a landmark away from the pose, got one that coincides with it"
+            )
         if not low <= distance <= high:
             raise InvalidInputError(
                 f"{self.where(line)}: expected a landmark at a distance from {low:g} to {high:g}, got {distance:g}"
@@ -217,7 +219,7 @@ class GraphBuilder:
     ) -> None:
         if key in vertices:
             raise InvalidInputError(
-                f"{self.where(line)}: vertex {key} comes a second time; the first is on line {vertices[key][0]}"
+                f"{self.where(line)}: vertex {key} appears a second time; the first is on line {vertices[key][0]}"
             )
         vertices[key] = line, values
 
@@ -256,7 +258,7 @@ class GraphBuilder:
         for edge in edges:
             if edge.spread.sigma is not None and np.inf in edge.spread.sigma:
                 raise InvalidInputError(
-                    f"{self.where(edge.line)}: a coordinate without information cannot be beside priors with "
+                    f"{self.where(edge.line)}: a coordinate without information cannot be combined with priors with "
                     "correlations"
                 )
             upper = edge.spread.upper()
@@ -270,7 +272,7 @@ class GraphBuilder:
         if not (least > 0).all():
             line = edges[int(np.argmin(least > 0))].line
             raise InvalidInputError(
-                f"{self.where(line)}: expected a positive definite matrix, got one that is next to singular"
+                f"{self.where(line)}: expected a positive definite matrix, got one that is nearly singular"
             )
         return matrices
 

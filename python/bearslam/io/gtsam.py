@@ -24,7 +24,7 @@ def to_gtsam(result: Estimate) -> tuple[Any, Any]:
     try:
         gtsam: Any = importlib.import_module("gtsam")
     except ImportError as error:
-        raise ImportError(f"a graph for GTSAM needs it: pip install gtsam ({error})") from None
+        raise ImportError(f"a graph for GTSAM needs gtsam: pip install gtsam ({error})") from None
     return _Builder(result, gtsam).build()
 
 

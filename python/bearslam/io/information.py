@@ -64,7 +64,7 @@ def informations(values: tuple[float, ...]) -> tuple[tuple[str, ...], bool]:
     """
     inverse = _inverse([Decimal(value) for value in values])
     if inverse is None or not all(math.isfinite(float(value)) for value in inverse):
-        raise ArithmeticError("expected a positive definite covariance with an inverse that doubles hold")
+        raise ArithmeticError("expected a positive definite covariance whose inverse doubles can hold")
     choices = list(zip(*map(_shorter, inverse), strict=True))
     for texts in choices:
         if covariance(texts) == values:

@@ -68,7 +68,7 @@ def read_table(folder: Path, name: str, columns: tuple[str, ...]) -> Table:
         if len(back):
             row = int(back[0]) + 1
             raise table.error(
-                row, f"expected a time not before that of the line above, {time[row - 1]}, got {time[row]}"
+                row, f"expected a time no earlier than that of the line above, {time[row - 1]}, got {time[row]}"
             )
     return table
 

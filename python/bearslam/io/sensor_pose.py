@@ -45,7 +45,7 @@ def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
     """
     pose = floats("sensor", sensor, ("2 or 3",))
     if pose.shape not in ((2,), (3,)):
-        raise InvalidInputError(f"sensor: expected x, y and, if it is turned, theta, got {len(pose)} numbers")
+        raise InvalidInputError(f"sensor: expected x, y and, if it is rotated, theta, got {len(pose)} numbers")
     place, turn = pose[:2], float(pose[2]) if len(pose) == 3 else 0.0
     seen, offsets = problem.sightings, problem.offsets
     bearing = seen.bearing - turn
@@ -53,12 +53,12 @@ def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
     if place.any() and (offsets is None or len(offsets) < len(seen)):
         raise InvalidInputError(
             f"sensor: expected ranges with all {len(seen)} bearings, got {0 if offsets is None else len(offsets)}: "
-            "without one a bearing cannot be moved to where the sensor is"
+            "without one a bearing cannot be converted to the sensor"
         )
     if offsets is not None:
         position = (offsets.position - place) @ _rotation(turn)
         if not position.any(axis=1).all():
-            raise InvalidInputError("sensor: a landmark is where the sensor is")
+            raise InvalidInputError("sensor: a landmark coincides with the sensor")
         offsets = Offsets(
             offsets.sighting,
             position,
@@ -112,9 +112,7 @@ def _known(priors: PosePriors, place: FloatArray, turn: float) -> PosePriors:
         lost = np.isinf(sigma) if sigma.ndim == 2 else np.zeros(len(priors), dtype=bool)[:, None]
         compass = lost[:, :2].all(axis=1)
         if (lost.any(axis=1) & ~compass).any() or (compass.any() and not compass.all()):
-            raise InvalidInputError(
-                "sensor: expected known poses of which all coordinates are known, or of all only the heading"
-            )
+            raise InvalidInputError("sensor: expected priors on all coordinates of poses, or on the headings of all")
         if not compass.all():
             sigma = _carried(sigma, jacobian)
     return PosePriors(priors.view, pose, sigma)

@@ -97,7 +97,7 @@ def parse(data: bytes, name: str, noise: NoiseFormat = "auto") -> Problem:
             if layout not in ("auto", guess):
                 raise InvalidInputError(
                     f"{where}: the zeros look like those of noise={guess!r}, on line {motions[0][0]} like those of "
-                    f"noise={layout!r}; say which it is"
+                    f"noise={layout!r}; state which it is"
                 )
             layout = guess
         ordered = texts if layout in ("g2o", "cov") else tuple(texts[i] for i in FROM_TORO)
@@ -117,7 +117,7 @@ def _guess(texts: tuple[str, ...], where: str) -> NoiseFormat:
     if filled == [True, False, False, True, False, True]:
         return "cov"
     raise InvalidInputError(
-        f"{where}: the numbers {' '.join(texts)} do not tell what they are; say it by noise: 'toro' (information "
+        f"{where}: the numbers {' '.join(texts)} are ambiguous; state their meaning by noise: 'toro' (information "
         "xx xy yy tt xt yt), 'g2o' (information xx xy xt yy yt tt), 'graph' or 'cov' (covariances in these orders)"
     )
 
@@ -133,7 +133,7 @@ def _polar(values: tuple[float, ...], where: str) -> tuple[tuple[float, ...], tu
     upper = (u * cosine**2 + v * sine**2, (u - v) * cosine * sine, u * sine**2 + v * cosine**2)
     if not all(map(math.isfinite, upper)):
         raise InvalidInputError(
-            f"{where}: expected a range and standard deviations that doubles hold, got {distance:g}, {across:g} and "
-            f"{along:g}"
+            f"{where}: expected a range and standard deviations that doubles can hold, got {distance:g}, {across:g} "
+            f"and {along:g}"
         )
     return (distance * cosine, distance * sine), upper

@@ -135,7 +135,7 @@ def cut(grid: Grid, trials: int, size: int, done: Mapping[int, Sequence[tuple[in
             at = max(at, end)
     count = sum(-(-(end - first) // size) for _, first, end in gaps)
     if count > CHUNKS:
-        raise InvalidInputError(f"chunk: expected so many trials that there are at most {CHUNKS} chunks, got {size}")
+        raise InvalidInputError(f"chunk: expected a size that makes at most {CHUNKS} chunks, got {size}")
     chunks = [Chunk(cell, at, min(at + size, end)) for cell, first, end in gaps for at in range(first, end, size)]
     chunks.sort(key=lambda chunk: (chunk.first, chunk.cell))
     return chunks

@@ -317,7 +317,7 @@ def refine(
     if start is None:
         start = problem.start if isinstance(problem, Problem) else None
     if start is None:
-        raise InvalidInputError("start: expected a map to start at, for the problem comes with none; solve needs none")
+        raise InvalidInputError("start: expected an initial map, since the problem has none; solve needs none")
     guess = pick("start", start, request.table.views, request.table.landmarks)
     raw = _core.refine(
         request.raw,
