@@ -39,7 +39,7 @@ ORDER = """
 OPTIONAL = {"dask", "gtsam", "matplotlib", "pandas", "rerun", "tqdm", "xarray"}
 """Packages that only those who use them need: what imports them may be imported inside functions."""
 ROOT = {"", "__main__", "cli"}
-"""They gather what stands below and are imported by nothing in it."""
+"""They re-export what stands below and are imported by none of it."""
 
 
 def module_of(path: Path) -> str:
@@ -102,8 +102,8 @@ def in_a_circle(imports: dict[str, set[str]]) -> set[str]:
 
 
 def test_every_module_has_its_place():
-    rooms = {module for module, path in MODULES.items() if path.name == "__init__.py"}
-    assert sorted(ORDER) == sorted(MODULES.keys() - rooms - ROOT)
+    packages = {module for module, path in MODULES.items() if path.name == "__init__.py"}
+    assert sorted(ORDER) == sorted(MODULES.keys() - packages - ROOT)
     assert len(set(ORDER)) == len(ORDER)
 
 
@@ -118,8 +118,8 @@ def test_modules_import_only_what_stands_below():
     assert not wrong
 
 
-def test_rooms_gather_nothing():
-    """But for the package itself and the command."""
+def test_subpackages_re_export_nothing():
+    """Except for the package itself and the command."""
     assert not {module for module, path in MODULES.items() if path.name == "__init__.py" and IMPORTS[module]} - ROOT
 
 

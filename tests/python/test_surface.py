@@ -12,7 +12,7 @@ import pytest
 
 import bearslam
 
-ROOMS = {"cli", "data", "io", "montecarlo", "plotting", "verbs"}
+SUBPACKAGES = {"cli", "data", "io", "montecarlo", "plotting", "verbs"}
 
 
 def test_dir_shows_what_a_user_calls():
@@ -20,26 +20,26 @@ def test_dir_shows_what_a_user_calls():
     assert not [name for name in dir(bearslam) if inspect.ismodule(getattr(bearslam, name))]
 
 
-def test_the_root_holds_rooms_and_little_else():
+def test_the_root_holds_subpackages_and_little_else():
     found = {name for _, name, _ in pkgutil.iter_modules(bearslam.__path__)}
-    assert found == ROOMS | {"__main__", "_core", "errors", "progress", "reconstruction"}
+    assert found == SUBPACKAGES | {"__main__", "_core", "errors", "progress", "reconstruction"}
 
 
-def test_no_module_goes_by_the_name_of_a_function():
+def test_no_module_has_the_name_of_a_function():
     for name in bearslam.__all__:
         assert importlib.util.find_spec(f"bearslam.{name}") is None, name
         with pytest.raises(ImportError):
             importlib.import_module(f"bearslam.{name}")
-    for room in ROOMS - {"cli"}:  # bearslam.cli.main is the entry point
-        package = importlib.import_module(f"bearslam.{room}")
+    for part in SUBPACKAGES - {"cli"}:  # bearslam.cli.main is the entry point
+        package = importlib.import_module(f"bearslam.{part}")
         for _, name, _ in pkgutil.iter_modules(package.__path__):
-            assert inspect.ismodule(getattr(package, name, package)), f"{room}.{name}"
+            assert inspect.ismodule(getattr(package, name, package)), f"{part}.{name}"
 
 
 def test_help_lists_no_internals():
     text = pydoc.plain(pydoc.render_doc(bearslam))
     contents = re.search(r"PACKAGE CONTENTS\n((?: .*\n)+)", text)
-    assert {line.split()[0] for line in contents[1].splitlines()} <= ROOMS | {
+    assert {line.split()[0] for line in contents[1].splitlines()} <= SUBPACKAGES | {
         "__main__",
         "_core",
         "errors",
