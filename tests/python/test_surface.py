@@ -2,6 +2,7 @@
 """What a user sees of the package: what there is to call, and nothing else."""
 
 import importlib
+import importlib.metadata
 import importlib.util
 import inspect
 import pkgutil
@@ -11,6 +12,7 @@ import re
 import pytest
 
 import bearslam
+from bearslam.cli import main
 
 SUBPACKAGES = {"cli", "data", "io", "montecarlo", "plotting", "verbs"}
 
@@ -34,6 +36,11 @@ def test_no_module_has_the_name_of_a_function():
         package = importlib.import_module(f"bearslam.{part}")
         for _, name, _ in pkgutil.iter_modules(package.__path__):
             assert inspect.ismodule(getattr(package, name, package)), f"{part}.{name}"
+
+
+def test_the_command_is_an_entry_point():
+    (entry,) = importlib.metadata.entry_points(group="console_scripts", name="bearslam")
+    assert entry.load() is main
 
 
 def test_help_lists_no_internals():

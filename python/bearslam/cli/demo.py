@@ -34,12 +34,12 @@ ROBOTS, BOXES = 4, 9
 MARGIN = 0.7
 REPEATS = 25
 SCENES = 200
-"""Scenes of the same kind that tell what is typical."""
+"""Number of scenes of the same kind for the medians."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One of the paper's two robot experiments, and the figure that shows it there."""
+    """One of the paper's two robot experiments, named after its figure in the paper."""
 
     name: str
     title: str
@@ -48,14 +48,14 @@ class Experiment:
     seed: int
 
     def scene(self, seed: int | None = None) -> Scene:
-        """The robots and boxes, and what the robots see; another seed gives another scene of the kind."""
+        """The simulated scene, or with another seed another scene of the same kind."""
         noise = math.radians(self.noise_deg)
         seed = self.seed if seed is None else seed
         return simulate(self.layout, ROBOTS, BOXES, noise=noise, seed=seed, width=WIDTH, height=HEIGHT)
 
 
-# The seeds are those of scenes whose errors are close to the medians of their kind, in every row of the report, and in
-# which nothing hides anything else.
+# The seeds give scenes whose errors are close to the medians of their kind, in every row of the report, and whose
+# figures have no overlaps.
 EXPERIMENTS = (
     Experiment("figure_9", "Four robots among nine landmarks", "mixed", 2.23, 1196),
     Experiment("figure_10", "Four robots ringed by nine landmarks", "enclosed", 1.53, 574),
@@ -64,7 +64,7 @@ EXPERIMENTS = (
 
 @dataclass(frozen=True)
 class Row:
-    """One way to solve a scene: its map, or why there is none, its errors and its time [s]."""
+    """The result of one method: its map, or why there is none, its errors and its time [s]."""
 
     name: str
     result: Reconstruction | DegenerateError
@@ -91,7 +91,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def measure(scene: Scene, noise_rad: float, repeats: int = REPEATS) -> list[Row]:
-    """The scene solved in three ways: linearly as in the paper, linearly as here, and with the refinement."""
+    """The scene solved by three methods: the projective one of the paper, the calibrated one, and with refinement."""
     ways: dict[str, Callable[[], Reconstruction]] = {
         "linear, projective (the paper's)": lambda: initialize(scene.bearings, sigma=noise_rad, method="projective"),
         "linear, calibrated": lambda: initialize(scene.bearings, sigma=noise_rad, method="calibrated"),
@@ -101,12 +101,12 @@ def measure(scene: Scene, noise_rad: float, repeats: int = REPEATS) -> list[Row]
 
 
 def run(folder: str | os.PathLike[str]) -> Iterator[str]:
-    """Solve both experiments and draw them into a folder, telling what happens paragraph by paragraph."""
+    """Solve both experiments, draw them into a folder, and yield a report paragraph by paragraph."""
     from bearslam.plotting.map import save_figure
 
     Path(folder).mkdir(parents=True, exist_ok=True)
     yield (
-        "From bearings alone to a map, with no odometry and no first guess: the two robot experiments of\n"
+        "From bearings alone to a map, with no odometry and no initial guess: the two robot experiments of\n"
         "Dellaert and Stroupe (ICRA 2002), simulated."
     )
     for experiment in EXPERIMENTS:
@@ -121,14 +121,14 @@ def run(folder: str | os.PathLike[str]) -> Iterator[str]:
             save_figure(figure, path)
         yield f"  written: {', '.join(map(str, paths))}"
     yield (
-        "Errors: root mean squares, after the similarity that lays all points best over the truth.\n"
-        "Backwards: sightings with a residual above 90 deg, of landmarks that the map puts behind the robot.\n"
-        f"Time: of a whole call from Python, the best of {REPEATS}."
+        "Errors: root mean squares after alignment with the truth by a similarity.\n"
+        "Backwards: sightings with a residual above 90 deg, of landmarks that the map places behind the robot.\n"
+        f"Time: a whole call from Python, the best of {REPEATS}."
     )
 
 
 def picture(experiment: Experiment, scene: Scene, rows: Sequence[Row]) -> Figure:
-    """The linear estimates over the truth on the left, the refined one with the bearings on the right."""
+    """The linear estimates and the truth on the left, the refined one with the bearings on the right."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
@@ -204,14 +204,14 @@ def _paragraph(experiment: Experiment, scene: Scene, rows: Sequence[Row], others
     title = (
         f"{experiment.title}, in an arena of {WIDTH:g} x {HEIGHT:g} m: {sightings} bearings with "
         f"{experiment.noise_deg:g} deg noise\n"
-        f"  for {unknowns} unknowns: the residual rms to be expected of the best fit is {expected:.2f} deg"
+        f"  for {unknowns} unknowns: the expected residual rms of the best fit is {expected:.2f} deg"
     )
     table = columns(lines)
     return "\n".join([title, *(f"  {line}".rstrip() for line in [*table.splitlines(), *notes])])
 
 
 def _cells(rows: Sequence[Row]) -> tuple[str, ...]:
-    """The median numbers of some rows; those without a map do not count."""
+    """Medians over rows, without those that have no map."""
     numbers = [
         (
             math.degrees(row.result.rms),
