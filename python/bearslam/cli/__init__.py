@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The command `bearslam`: a parser and a run for each command."""
+"""The command `bearslam`: one parser and one run function per command."""
 
 from bearslam.cli.main import main
 

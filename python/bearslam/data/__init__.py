@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What is given, what is asked for and what is found: types and their checks, no files and no drawing."""
+"""Problems, options and estimates: types and their checks, without files or figures."""

@@ -29,14 +29,12 @@ class SweepResult(Result):
 
     Attributes
     ----------
-    grid : Grid
-        The cells and the starts.
-    trials : int
-        Number of trials per cell that were requested.
-    seeds : tuple of int
-        The seed; several after `merge`.
-    tally : Tally
-        Integer counts and histograms, from which everything else is computed.
+    grid, trials, seeds, tally
+        The cells and starts, the number of trials per cell, the seeds, and the counts.
+
+    See Also
+    --------
+    bearslam.montecarlo.result.Result : the same attributes with their types, and what follows from them.
 
     Examples
     --------

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What a user calls: one file a function, or a family of functions."""
+"""The functions that a user calls, one file per function or family of functions."""
