@@ -45,7 +45,7 @@ from numpy.typing import NDArray
 
 import bearslam
 from bearslam.data.align import wrap
-from bearslam.plotting.ellipses import COVERED, LOOK, draw_ellipses
+from bearslam.plotting.ellipses import COVERED, STYLE, draw_ellipses
 from bearslam.plotting.map import FORMATS, finish, save_figure
 from bearslam.plotting.style import ESTIMATE, PAPER, TRUTH, Style
 
@@ -424,7 +424,7 @@ def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path:
             markersize=9,
             markerfacecolor="none",
             label=f"{100 * COVERED:.0f} % ellipse",
-            color=LOOK["edgecolors"],
+            color=STYLE["edgecolors"],
         ),
     ]
     below.legend(handles=symbols, loc="outside lower center", ncols=4, frameon=False, fontsize=9)

@@ -31,7 +31,7 @@ RETRIES = 3
 """Times that a failed chunk is submitted again: workers die."""
 PATIENCE = 0.3
 """Time spent cancelling chunks before an interrupted sweep returns [s]."""
-LOOK = 0.1
+POLL_INTERVAL = 0.1
 """Time between two checks for an interruption, since waiting for results cannot be interrupted [s]."""
 
 
@@ -77,7 +77,7 @@ def run_on(executor: Executor, chunks: Sequence[RawChunk], starts: Sequence[str]
                 todo.popleft()
                 future.add_done_callback(ready.put)
             try:
-                future = ready.get(timeout=LOOK)
+                future = ready.get(timeout=POLL_INTERVAL)
             except Empty:
                 continue
             index = running[future]

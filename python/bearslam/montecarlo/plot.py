@@ -180,15 +180,15 @@ def draw_errors(
         ax.xaxis.set_minor_locator(NullLocator())
     axes[0, 0].set_ylabel(label, fontsize=9)
     axes[1, 0].set_ylabel("rms error / bound", fontsize=9)
-    looks = [
+    styles = [
         (Line2D([], [], color=PLAIN, linewidth=1.6), "median"),
         (_thin(Stroke(PLAIN, "o", "-", 0.8, "")), "90th percentile"),
         (Line2D([], [], color=BOUND, linewidth=1.0), "Cramér-Rao bound"),
     ]
     strokes = [(_line(STROKES[start]), STROKES[start].name) for start in chosen]
     nothing = (Line2D([], [], linestyle="none"), "")
-    # Legends are filled column by column: the starts above, the looks below.
-    above, below = ([*some, *[nothing] * (entries - len(some))] for some in (strokes, looks))
+    # Legends are filled column by column: the starts above, the styles below.
+    above, below = ([*some, *[nothing] * (entries - len(some))] for some in (strokes, styles))
     handles, labels = zip(*(entry for pair in zip(above, below, strict=True) for entry in pair), strict=True)
     figure.legend(
         handles, labels, loc="outside lower center", ncols=entries, frameon=False, fontsize=8, handlelength=3.2

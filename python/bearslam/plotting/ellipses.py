@@ -29,7 +29,7 @@ RADIUS = float(np.sqrt(-2.0 * np.log(1.0 - COVERED)))
 LARGE = 0.25
 """Semi-major axis, as a share of the map, above which an ellipse does not enlarge the frame."""
 WIDTH = 0.9
-LOOK: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00"}
+STYLE: dict[str, Any] = {"facecolors": "none", "edgecolors": "#e69f00"}
 """Orange of Okabe and Ito, which stands out from the robots and landmarks below the ellipses."""
 
 
@@ -65,7 +65,7 @@ def draw_ellipses(
         zorder=zorder,
         linewidths=WIDTH * shrunk(len(points), 70, 0.5),
         rasterized=len(points) > HEAVY,
-        **LOOK,
+        **STYLE,
     )
     ellipses.set_in_layout(False)  # clipped to the axes, however large they are
     ax.add_collection(ellipses)
@@ -74,5 +74,5 @@ def draw_ellipses(
     ax.update_datalim(np.concatenate([(points - reach)[small], (points + reach)[small]]))
     ax.autoscale_view()
     symbol = Line2D([], [], linestyle="none", marker="o", markersize=9, markeredgewidth=WIDTH)
-    symbol.set(markerfacecolor=LOOK["facecolors"], markeredgecolor=LOOK["edgecolors"])
+    symbol.set(markerfacecolor=STYLE["facecolors"], markeredgecolor=STYLE["edgecolors"])
     return [(symbol, f"{100 * COVERED:.0f} % ellipse" + (f"\n({note})" if note else ""))]
