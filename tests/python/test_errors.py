@@ -30,8 +30,16 @@ def test_a_degenerate_error_survives_the_way_between_processes(twin):
 @pytest.mark.parametrize(
     ("call", "kind", "advice"),
     [
-        (lambda: bearslam.refine(np.eye(3, 4), (np.zeros((3, 3)), np.zeros((4, 2)))), "coincident_start", "different places"),
-        (lambda: bearslam.align([[1, 2]] * 3, [[0, 0], [1, 0], [0, 1]]), "uncorrelated_points", "in at least two places"),
+        (
+            lambda: bearslam.refine(np.eye(3, 4), (np.zeros((3, 3)), np.zeros((4, 2)))),
+            "coincident_start",
+            "different places",
+        ),
+        (
+            lambda: bearslam.align([[1, 2]] * 3, [[0, 0], [1, 0], [0, 1]]),
+            "uncorrelated_points",
+            "in at least two places",
+        ),
         (lambda: bearslam.resect([[1, 2]] * 3, [0.1, 0.2, 0.3]), "coincident_landmarks", "landmarks in other places"),
         (lambda: bearslam.three_view([[0.1, 0.5, 0.9, 1.3, 1.7]] * 3), "three_view_system", "common line or circle"),
     ],
