@@ -12,7 +12,7 @@
 #![allow(unsafe_code, reason = "pointers of C")]
 
 use crate::{
-    Bearing, Error, FixedMap, FixedOptions, Method, Pose, Real, Triple, Workspace, pose, resect,
+    Bearing, Error, FixedMap, Method, Pose, Real, RefineOptions, Triple, Workspace, pose, resect,
     three_view, triangulate,
 };
 use core::ffi::{CStr, c_char, c_int, c_void};
@@ -518,9 +518,10 @@ pub unsafe extern "C" fn bearslam_refine(
             sigma,
             [view_count, landmark_count],
             (poses, landmarks),
-            FixedOptions {
+            RefineOptions {
                 max_iterations,
                 tolerance,
+                ..RefineOptions::default()
             },
             (cost, iterations),
             (memory, memory_size),
@@ -554,9 +555,10 @@ pub unsafe extern "C" fn bearslam_refine_f32(
             sigma,
             [view_count, landmark_count],
             (poses, landmarks),
-            FixedOptions {
+            RefineOptions {
                 max_iterations,
                 tolerance,
+                ..RefineOptions::default()
             },
             (cost, iterations),
             (memory, memory_size),
@@ -569,7 +571,7 @@ unsafe fn refinement<T: Real>(
     sigma: T,
     [views, points]: [usize; 2],
     (poses, landmarks): (*mut T, *mut T),
-    options: FixedOptions<T>,
+    options: RefineOptions<T>,
     (cost, iterations): (*mut T, *mut usize),
     (memory, memory_size): (*mut c_void, usize),
 ) -> Found<()> {
@@ -653,7 +655,7 @@ struct Refinement<'a, T: Real> {
     sigma: T,
     poses: &'a mut [T],
     landmarks: &'a mut [T],
-    options: FixedOptions<T>,
+    options: RefineOptions<T>,
     cost: &'a mut [T],
     iterations: &'a mut [usize],
 }
@@ -687,7 +689,7 @@ impl<T: Real> Refinement<'_, T> {
                 }
             }
         }
-        let report = map.refine(workspace, &self.options)?;
+        let outcome = map.refine(workspace, &self.options)?;
         map.normalize();
 
         let nan = T::zero() / T::zero();
@@ -697,9 +699,9 @@ impl<T: Real> Refinement<'_, T> {
         for (place, point) in landmarks.iter_mut().zip(&map.landmarks) {
             *place = point.map_or([nan; 2], |point| [point.x, point.y]);
         }
-        self.cost.fill(report.cost);
-        self.iterations.fill(report.iterations);
-        if report.termination.was_successful() {
+        self.cost.fill(outcome.cost);
+        self.iterations.fill(outcome.iterations);
+        if outcome.termination.was_successful() {
             Ok(())
         } else {
             Err(BearslamStatus::NotConverged)

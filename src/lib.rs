@@ -22,8 +22,9 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
+//! | `lm` | Levenberg-Marquardt, bearings linearised | `core` |
 //! | `fixed` | maps in storage of the caller: growth and refinement | `core` |
-//! | `estimation` | problems with odometry and priors, residuals, Levenberg-Marquardt, covariances | `alloc` |
+//! | `estimation` | problems with odometry and priors, refinement, covariances | `alloc` |
 //! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
 //! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
@@ -60,6 +61,7 @@ mod estimation;
 mod fixed;
 mod geometry;
 mod kernels;
+mod lm;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "alloc")]
@@ -69,7 +71,6 @@ mod scalar;
 mod simulate;
 #[cfg(feature = "rayon")]
 mod sweep;
-mod termination;
 
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
@@ -78,15 +79,16 @@ pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, dia
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{
-    Covariance, Frame, LandmarkPrior, Loss, Map, Noise, Odometry, PosePrior, Problem,
-    RefineOptions, Report, Seen, Sighting, Subject, Undetermined, Watch, Why, covariance,
+    Covariance, Frame, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem,
+    Report, Seen, Sighting, Subject, Undetermined, Watch, Why, covariance,
     refine_map,
 };
-pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
+pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
 };
 pub use kernels::*;
+pub use lm::{Loss, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
     Progress, Reconstruction, Search, SolveOptions, Strategy, initialize, refine, solve,
@@ -96,9 +98,8 @@ pub use scalar::Real;
 pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
 #[cfg(feature = "rayon")]
 pub use sweep::{
-    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Outcome, Quantity, Start, Tally, Trial, sweep,
+    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
 };
-pub use termination::Termination;
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

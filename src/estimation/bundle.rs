@@ -5,12 +5,12 @@
 //! (-pi, pi], over sigma. With `d = x - p` and `g = (-d_y, d_x) / |d|^2`, (T12):
 //! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
 
-use super::loss::Loss;
 use super::map::Map;
 use super::priors::TieRow;
 use super::problem::{Problem, Seen};
 use crate::error::Error;
 use crate::geometry::{Pose, signed_angle, transform_pose};
+use crate::lm::Loss;
 use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector3};

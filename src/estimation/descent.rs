@@ -3,10 +3,10 @@
 
 use super::bundle::{Bundle, Rows};
 use super::problem::Problem;
-use super::refine::{RefineOptions, Watch};
+use super::refine::Watch;
 use crate::error::Error;
+use crate::lm::{RefineOptions, Termination};
 use crate::scalar::Real;
-use crate::termination::Termination;
 
 /// What proposes steps.
 pub trait System<T: Real> {

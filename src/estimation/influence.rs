@@ -3,10 +3,10 @@
 
 use super::bundle::{Bundle, Rows};
 use super::cholesky;
-use super::loss::Loss;
 use super::map::Map;
 use super::problem::Problem;
 use super::variances::add_product;
+use crate::lm::Loss;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;

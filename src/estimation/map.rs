@@ -7,6 +7,7 @@ use super::priors::Tie;
 use super::problem::Problem;
 use crate::error::Error;
 use crate::geometry::{Pose, transform_pose};
+use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -99,10 +100,6 @@ impl fmt::Display for Why {
         }
     }
 }
-
-/// Fewest landmarks that fix a view, and fewest views that fix a landmark.
-pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
-pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
 
 impl<T: Real> Map<T> {
     /// A map with nothing in it.

@@ -4,43 +4,16 @@
 use super::bundle::{Bundle, Rows};
 use super::descent::{Descent, Rest, System};
 use super::linearized::{Linearized, gauge, keeps_landmarks};
-use super::loss::Loss;
 use super::map::{Map, Undetermined};
 use super::newton;
 use super::normal::Normal;
 use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
+use crate::lm::{Loss, RefineOptions, Termination};
 use crate::scalar::Real;
-use crate::termination::Termination;
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
-
-/// Options of the refinement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineOptions<T: Real> {
-    /// Most linear systems to solve.
-    pub max_iterations: usize,
-    /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
-    /// steps, ending when one does not lower the cost.
-    pub damping: T,
-    /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
-    /// this part of it.
-    pub tolerance: T,
-    /// How much a residual counts.
-    pub loss: Loss<T>,
-}
-
-impl<T: Real> Default for RefineOptions<T> {
-    fn default() -> Self {
-        Self {
-            max_iterations: 100,
-            damping: T::lit(1e-4),
-            tolerance: T::lit(1e-10).max(T::eps()),
-            loss: Loss::Squared,
-        }
-    }
-}
 
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]

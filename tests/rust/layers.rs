@@ -5,10 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// From the bottom up.
-const LAYERS: [&[&str]; 10] = [
-    &["scalar", "error", "termination"],
+const LAYERS: [&[&str]; 11] = [
+    &["scalar", "error"],
     &["geometry"],
     &["kernels"],
+    &["lm"],
     &["fixed"],
     &["estimation"],
     &["reconstruction", "simulate"],

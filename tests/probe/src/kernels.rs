@@ -3,7 +3,7 @@
 
 use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
-    Bearing, Branch, CalibratedTensor, FixedMap, FixedOptions, Method, Real, Triple, Workspace,
+    Bearing, Branch, CalibratedTensor, FixedMap, Loss, Method, Real, RefineOptions, Triple, Workspace,
     align, bearing_to, epipoles, is_ahead, projective_tensor, real_epipoles, resect, signed_angle,
     three_view, three_view_with_landmarks, transform_pose, triangulate, trifocal_tensor,
 };
@@ -149,7 +149,7 @@ kernels! {
         }
         let _ = black_box((map.add_view(black_box(3)), map.add_landmark(black_box(7))));
         let mut workspace = Workspace::default();
-        let options = FixedOptions { max_iterations: black_box(5), ..FixedOptions::default() };
+        let options = RefineOptions { max_iterations: black_box(5), ..RefineOptions::default() };
         let _ = black_box(map.refine(&mut workspace, &options));
         map.normalize();
         black_box((map.cost(), map.rms()));

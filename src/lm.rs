@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Non-linear least squares, whatever the storage: one loop, one linearised bearing, one landmark step.
+//!
+//! Nothing here allocates or panics. The bundles on the heap and the maps of fixed size are
+//! [`LeastSquares`] problems for [`minimize`].
+
+mod loss;
+mod minimize;
+mod options;
+mod sighting;
+mod termination;
+
+pub use loss::Loss;
+pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
+pub use options::RefineOptions;
+pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, horizon, optimize_landmark};
+pub use termination::Termination;
