@@ -64,7 +64,7 @@ fn against_the_bound(scenes: u64) {
             let row = |views: usize,
                        landmarks: usize,
                        method: &str,
-                       solver: &dyn Fn(&Scene) -> Vec<Map<f64>>| {
+                       solver: &dyn Fn(&Scene) -> Vec<Map>| {
                 let noise = noise_deg.to_radians();
                 let ratios: Vec<(f64, f64)> = (0..scenes)
                     .filter_map(|seed| {
@@ -112,7 +112,7 @@ fn against_the_bound(scenes: u64) {
 }
 
 /// Both maps of three views.
-fn closed_form(scene: &Scene, landmarks: usize, reweights: usize) -> Vec<Map<f64>> {
+fn closed_form(scene: &Scene, landmarks: usize, reweights: usize) -> Vec<Map> {
     let triples = triples(scene, landmarks);
     let found = three_view(&triples, Method::Calibrated { reweights });
     let motions = found.map(|found| found.motions).into_iter().flatten();

@@ -34,7 +34,7 @@ fn main() {
     println!(" |\n|{}", "---|".repeat(5 + 2 * NOISES_DEG.len()));
     for (name, views, landmarks, sizes, extra) in DEGENERATE {
         for &size in sizes {
-            let count = |test: &dyn Fn(u64) -> (Drawn, Problem<f64>, bool)| {
+            let count = |test: &dyn Fn(u64) -> (Drawn, Problem, bool)| {
                 (0..draws)
                     .filter(|&seed| {
                         let (scene, problem, given) = test(seed);

@@ -2,16 +2,15 @@
 //! Noise-free scenes: is the truth recovered? `cargo bench --bench recovery --features rayon [-- SCENES]`.
 //!
 //! Every scene of every size ends in one of the columns:
-//! - `found`: the map equals the truth up to a similarity, to 1e-7 (`f32`: 1e-3) of the scene's size;
+//! - `found`: the map equals the truth up to a similarity, to 1e-7 of the scene's size;
 //! - `twin`: another map explains the bearings exactly, and the truth is among the alternatives;
 //! - `degenerate`: an error that names the degeneracy;
-//! - `ill-conditioned`: the result says so, by its sensitivity (over 1e4 per radian; `f32`: 30) or by
-//!   iterations that ran out;
+//! - `ill-conditioned`: the result says so, by its sensitivity (over 1e4 per radian) or by iterations that
+//!   ran out;
 //! - `lost`: none of these.
 
 use bearslam::{
-    Arena, Layout, Problem, Real, Reconstruction, Scene, SolveOptions, Termination, simulate,
-    solve_batch,
+    Arena, Layout, Problem, Reconstruction, Scene, SolveOptions, Termination, simulate, solve_batch,
 };
 
 /// What happened to the scenes of one size.
@@ -53,36 +52,22 @@ impl std::fmt::Display for Counts {
     }
 }
 
-/// What counts as found and as ill-conditioned for a scalar type.
-struct Limits {
-    error: f64,
-    sensitivity: f64,
-}
+/// Largest error of a map that counts as found, over the size of the arena.
+const ERROR: f64 = 1e-7;
+
+/// Sensitivity per radian beyond which a result says that it is ill-conditioned.
+const SENSITIVITY: f64 = 1e4;
 
 fn main() {
     let scenes = std::env::args()
         .skip(1)
         .find_map(|argument| argument.parse().ok())
         .unwrap_or(1000);
-    println!("f64, {scenes} scenes a row, error below 1e-7 of the scene");
-    table::<f64>(
-        scenes,
-        &Limits {
-            error: 1e-7,
-            sensitivity: 1e4,
-        },
-    );
-    println!("\nf32, {scenes} scenes a row, error below 1e-3 of the scene");
-    table::<f32>(
-        scenes,
-        &Limits {
-            error: 1e-3,
-            sensitivity: 30.0,
-        },
-    );
+    println!("{scenes} scenes a row, error below {ERROR:e} of the scene");
+    table(scenes);
 }
 
-fn table<T: Real>(scenes: u64, limits: &Limits) {
+fn table(scenes: u64) {
     let head = "| views | landmarks | layout | found | twin | degenerate | ill-conditioned | lost | worst |";
     let rule = format!("|{}", "---|".repeat(9));
     println!("{head}\n{rule}");
@@ -93,7 +78,7 @@ fn table<T: Real>(scenes: u64, limits: &Limits) {
     let mut classes: Vec<(String, Counts)> = Vec::new();
     for (views, landmarks) in few.into_iter().chain(many) {
         for (name, layout) in [("mixed", Layout::Mixed), ("enclosed", Layout::Enclosed)] {
-            let counts = count::<T>(layout, views, landmarks, scenes, limits);
+            let counts = count(layout, views, landmarks, scenes);
             println!("| {views} | {landmarks} | {name} | {counts} |");
             let class = match (views, landmarks) {
                 (_, 4) => "4..12 | 4",
@@ -115,24 +100,15 @@ fn table<T: Real>(scenes: u64, limits: &Limits) {
     }
 }
 
-fn count<T: Real>(
-    layout: Layout,
-    views: usize,
-    landmarks: usize,
-    scenes: u64,
-    limits: &Limits,
-) -> Counts {
+fn count(layout: Layout, views: usize, landmarks: usize, scenes: u64) -> Counts {
     let scenes: Vec<Scene> = (0..scenes)
         .map(|seed| {
             simulate(layout, views, landmarks, 0.0, seed, Arena::default()).expect("a scene")
         })
         .collect();
-    let problems: Vec<Problem<T>> = scenes
+    let problems: Vec<Problem> = scenes
         .iter()
-        .map(|scene| {
-            let bearings: Vec<T> = scene.bearings.iter().map(|&b| T::lit(b)).collect();
-            Problem::dense(views, landmarks, &bearings, T::one()).expect("a problem")
-        })
+        .map(|scene| Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem"))
         .collect();
     let mut counts = Counts::default();
     for (scene, found) in scenes
@@ -144,14 +120,13 @@ fn count<T: Real>(
             continue;
         };
         let error = error(&found, scene);
-        let near = |other: &Reconstruction<T>| self::error(other, scene) < limits.error;
-        if error < limits.error {
+        let near = |other: &Reconstruction| self::error(other, scene) < ERROR;
+        if error < ERROR {
             counts.found += 1;
             counts.worst = counts.worst.max(error);
         } else if found.alternatives.iter().any(near) {
             counts.twin += 1;
-        } else if found.sensitivity > limits.sensitivity
-            || found.termination == Termination::MaxIterations
+        } else if found.sensitivity > SENSITIVITY || found.termination == Termination::MaxIterations
         {
             counts.ill_conditioned += 1;
         } else {
@@ -162,7 +137,7 @@ fn count<T: Real>(
 }
 
 /// Largest distance from the truth after alignment, over the size of the arena.
-fn error<T: Real>(found: &Reconstruction<T>, scene: &Scene) -> f64 {
+fn error(found: &Reconstruction, scene: &Scene) -> f64 {
     if !found.map.is_complete() {
         return f64::INFINITY;
     }

@@ -126,11 +126,11 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
 fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
     let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
     let all = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
-    let mut map: Map<f64> = scene.map();
+    let mut map: Map = scene.map();
     let mut kept: Vec<bool> = wrong.iter().map(|wrong| !wrong).collect();
     // Each change lowers the cost.
     for _ in 0..100 {
-        let sightings: Vec<Sighting<f64>> = (0..kept.len())
+        let sightings: Vec<Sighting> = (0..kept.len())
             .filter(|&k| kept[k])
             .map(|k| Sighting {
                 view: k / landmarks,
@@ -157,11 +157,7 @@ fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
 }
 
 /// The squares of residual over sigma; infinite where the map does not reach.
-fn squares<'a>(
-    problem: &'a Problem<f64>,
-    map: &'a Map<f64>,
-    noise: f64,
-) -> impl Iterator<Item = f64> + 'a {
+fn squares<'a>(problem: &'a Problem, map: &'a Map, noise: f64) -> impl Iterator<Item = f64> + 'a {
     map.residuals(problem)
         .map(move |residual| residual.map_or(f64::INFINITY, |r| (r / noise) * (r / noise)))
 }

@@ -130,7 +130,7 @@ fn main() {
 }
 
 /// Whether a map has all that the refinement from the truth has, at no higher cost.
-fn recovered(found: &Result<Reconstruction<f64>, Error>, truth: &Reconstruction<f64>) -> bool {
+fn recovered(found: &Result<Reconstruction, Error>, truth: &Reconstruction) -> bool {
     let Ok(found) = found else { return false };
     let poses = truth.map.poses.iter().zip(&found.map.poses);
     let landmarks = truth.map.landmarks.iter().zip(&found.map.landmarks);
@@ -143,12 +143,7 @@ fn recovered(found: &Result<Reconstruction<f64>, Error>, truth: &Reconstruction<
         && found.cost <= truth.cost * (1.0 + 1e-5) + 1e-12
 }
 
-fn report(
-    name: &str,
-    seed: u64,
-    found: &Result<Reconstruction<f64>, Error>,
-    truth: &Reconstruction<f64>,
-) {
+fn report(name: &str, seed: u64, found: &Result<Reconstruction, Error>, truth: &Reconstruction) {
     match found {
         Err(error) => println!("{name} {seed}: {error}"),
         Ok(found) => println!(

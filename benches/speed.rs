@@ -94,7 +94,7 @@ fn kernels(criterion: &mut Criterion) {
 }
 
 /// A start as far from the truth as a good guess: 10 cm and 5 degrees, without randomness.
-fn guess(scene: &Scene) -> Map<f64> {
+fn guess(scene: &Scene) -> Map {
     let wave = |k: usize| (12.9898 * (k as f64 + 1.0)).sin();
     Map {
         poses: scene
@@ -206,7 +206,7 @@ fn losses(criterion: &mut Criterion) {
 fn whole(criterion: &mut Criterion) {
     for (views, landmarks) in SIZES {
         // Several scenes, or the figure would be that of one scene's luck.
-        let problems: Vec<Problem<f64>> = (0..16)
+        let problems: Vec<Problem> = (0..16)
             .map(|seed| {
                 let scene = scene(views, landmarks, seed);
                 Problem::dense(views, landmarks, &scene.bearings, 1.0).expect("a problem")
@@ -232,7 +232,7 @@ fn limited_sight(criterion: &mut Criterion) {
         sight: 2.0,
         ..Arena::default()
     };
-    let problems: Vec<Problem<f64>> = (0..4)
+    let problems: Vec<Problem> = (0..4)
         .map(|seed| {
             let noise = 0.5_f64.to_radians();
             let scene = simulate(Layout::Trajectory, 100, 60, noise, seed, arena).expect("a scene");
@@ -279,7 +279,7 @@ fn diagnoses(criterion: &mut Criterion) {
 }
 
 /// Half a degree of noise, a share of the bearings wrong.
-fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Problem<f64> {
+fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Problem {
     let noise = 0.5_f64.to_radians();
     let arena = Arena::default();
     let scene = simulate(Layout::Mixed, views, landmarks, noise, seed, arena).expect("a scene");
@@ -305,7 +305,7 @@ fn robust(criterion: &mut Criterion) {
     });
     for (views, landmarks) in [(8, 15), (12, 15)] {
         for percent in [0, 30] {
-            let problems: Vec<Problem<f64>> = (0..16)
+            let problems: Vec<Problem> = (0..16)
                 .map(|seed| contaminated(views, landmarks, f64::from(percent) / 100.0, seed))
                 .collect();
             let options = SolveOptions {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// # Example
 /// ```
 /// use bearslam::{Arena, Layout, Problem, SolveOptions, simulate, solve_batch};
-/// let problems: Vec<Problem<f64>> = (0..8)
+/// let problems: Vec<Problem> = (0..8)
 ///     .map(|seed| {
 ///         let scene = simulate(Layout::Mixed, 4, 9, 0.0, seed, Arena::default())?;
 ///         Problem::dense(4, 9, &scene.bearings, 1.0)
@@ -26,10 +26,10 @@ use rayon::prelude::*;
 /// assert!(found.iter().flatten().all(|found| found.rms < 1e-9));
 /// # Ok::<(), bearslam::Error>(())
 /// ```
-pub fn solve_batch<T: Real>(
-    problems: &[Problem<T>],
-    options: &SolveOptions<T>,
-) -> Vec<Result<Reconstruction<T>, Error>> {
+pub fn solve_batch(
+    problems: &[Problem],
+    options: &SolveOptions,
+) -> Vec<Result<Reconstruction, Error>> {
     problems
         .par_iter()
         .map(|problem| solve(problem, options, None))

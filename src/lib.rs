@@ -35,8 +35,8 @@
 //!
 //! # Conventions
 //! Angles are radians, counter-clockwise. A pose maps the frame of the view to the map frame; a
-//! bearing is measured in the frame of the view from its heading. Everything is generic over `f32`
-//! and `f64`.
+//! bearing is measured in the frame of the view from its heading. What needs no heap (closed forms and
+//! maps of fixed size) is generic over `f32` and `f64`; the rest is `f64`.
 #![no_std]
 #![warn(
     clippy::std_instead_of_core,
@@ -59,6 +59,8 @@ mod error;
 #[cfg(feature = "alloc")]
 mod estimation;
 mod fixed;
+#[cfg(all(feature = "alloc", not(feature = "std")))]
+mod float;
 mod geometry;
 mod kernels;
 mod lm;
@@ -79,9 +81,8 @@ pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, dia
 pub use error::Error;
 #[cfg(feature = "alloc")]
 pub use estimation::{
-    Covariance, Frame, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem,
-    Report, Seen, Sighting, Subject, Undetermined, Watch, Why, covariance,
-    refine_map,
+    Covariance, Frame, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Report, Seen,
+    Sighting, Subject, Undetermined, Watch, Why, covariance, refine_map,
 };
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{

@@ -11,10 +11,12 @@ pub use errors::Errors;
 
 use crate::error::Error;
 use crate::estimation::Map;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::{Pose, bearing_to, pose};
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
-use nalgebra::{ComplexField, Point2};
+use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -65,7 +67,7 @@ pub struct Scene {
 
 impl Scene {
     /// The truth as a map.
-    pub fn map(&self) -> Map<f64> {
+    pub fn map(&self) -> Map {
         Map {
             poses: self.poses.iter().copied().map(Some).collect(),
             landmarks: self.landmarks.iter().copied().map(Some).collect(),
@@ -199,8 +201,8 @@ pub fn simulate(
 
 /// A wavy loop, traversed counter-clockwise once as `phase` goes from 0 to 2 pi.
 fn on_loop(phase: f64, width: f64, height: f64) -> Pose<f64> {
-    let (sin, cos) = ComplexField::sin_cos(phase);
-    let (sin5, cos5) = ComplexField::sin_cos(5.0 * phase);
+    let (sin, cos) = phase.sin_cos();
+    let (sin5, cos5) = (5.0 * phase).sin_cos();
     let radius = 0.34 + 0.06 * cos5;
     let slope = -0.3 * sin5;
     let (dx, dy) = (
@@ -210,7 +212,7 @@ fn on_loop(phase: f64, width: f64, height: f64) -> Pose<f64> {
     pose(
         width * (0.5 + radius * cos),
         height * (0.5 + radius * sin),
-        nalgebra::RealField::atan2(dy, dx),
+        dy.atan2(dx),
     )
 }
 
@@ -231,9 +233,9 @@ fn on_border(fraction: f64, width: f64, height: f64) -> Point2<f64> {
 /// The same angle in (-pi, pi].
 fn wrap(angle: f64) -> f64 {
     if angle > PI {
-        angle - TAU * ComplexField::ceil((angle - PI) / TAU)
+        angle - TAU * ((angle - PI) / TAU).ceil()
     } else if angle <= -PI {
-        angle + TAU * (ComplexField::floor((-PI - angle) / TAU) + 1.0)
+        angle + TAU * (((-PI - angle) / TAU).floor() + 1.0)
     } else {
         angle
     }

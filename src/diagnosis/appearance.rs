@@ -7,11 +7,12 @@
 
 use super::figure::Figure;
 use crate::estimation::Problem;
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
-use nalgebra::{Complex, ComplexField, RealField, Vector2};
+use nalgebra::{Complex, Vector2};
 
 /// Bearings differ from what they should be by at most this many standard deviations.
 const SURE: f64 = 4.0;
@@ -26,8 +27,8 @@ const MIN_COMMON: usize = 3;
 ///
 /// `None` when the bearings show no such shape. Only orders of the shape are in the figure: where
 /// points are along the line or circle, and how far along their rays, is made up.
-pub fn apparent<T: Real>(problem: &Problem<T>, noise: f64) -> Option<Figure> {
-    let bound = SURE * noise + ROUNDINGS * T::eps().as_f64();
+pub fn apparent(problem: &Problem, noise: f64) -> Option<Figure> {
+    let bound = SURE * noise + ROUNDINGS * f64::EPSILON;
     on_one_line(problem, bound).or_else(|| {
         // Differences of two bearings.
         let bound = bound * core::f64::consts::SQRT_2;
@@ -43,8 +44,8 @@ pub fn apparent<T: Real>(problem: &Problem<T>, noise: f64) -> Option<Figure> {
 }
 
 /// Bearing of a sighting \[rad\].
-fn angle<T: Real>(bearing: &crate::geometry::Bearing<T>) -> f64 {
-    bearing.angle().as_f64()
+fn angle(bearing: &crate::geometry::Bearing<f64>) -> f64 {
+    bearing.angle()
 }
 
 /// Whether angles are one constant modulo `2 pi / turns`, up to a bound; the constant.
@@ -53,27 +54,27 @@ fn constant(angles: &[f64], turns: f64, bound: f64) -> Option<f64> {
         .iter()
         .map(|&a| unit(a * turns))
         .fold(Complex::new(0.0, 0.0), |sum, z| sum + z);
-    let middle = RealField::atan2(sum.im, sum.re) / turns;
+    let middle = sum.im.atan2(sum.re) / turns;
     let period = TAU / turns;
     let far = |&a: &f64| {
         let turned = (a - middle) / period;
-        (turned - ComplexField::round(turned)).abs() * period
+        (turned - turned.round()).abs() * period
     };
     angles.iter().all(|a| far(a) <= bound).then_some(middle)
 }
 
 fn unit(angle: f64) -> Complex<f64> {
-    let (sin, cos) = ComplexField::sin_cos(angle);
+    let (sin, cos) = angle.sin_cos();
     Complex::new(cos, sin)
 }
 
 /// Numbers in (0, 1) without pattern: multiples of the golden ratio modulo 1.
 fn scattered(k: usize) -> f64 {
     let turned = (k as f64 + 1.0) * 0.618_033_988_749_894_9;
-    turned - ComplexField::floor(turned)
+    turned - turned.floor()
 }
 
-fn on_one_line<T: Real>(problem: &Problem<T>, bound: f64) -> Option<Figure> {
+fn on_one_line(problem: &Problem, bound: f64) -> Option<Figure> {
     let mut headings = Vec::with_capacity(problem.views());
     for view in 0..problem.views() {
         let bearings: Vec<f64> = problem
@@ -103,7 +104,7 @@ struct Places {
 
 /// The sets of views whose bearings differ by a constant modulo `2 pi / turns`; `None` when there are
 /// more than `most`, or a view has too few landmarks in common with the first of a set.
-fn places<T: Real>(problem: &Problem<T>, bound: f64, turns: f64, most: usize) -> Option<Places> {
+fn places(problem: &Problem, bound: f64, turns: f64, most: usize) -> Option<Places> {
     let mut places = Places {
         of_view: Vec::new(),
         offset: Vec::new(),
@@ -138,7 +139,7 @@ fn places<T: Real>(problem: &Problem<T>, bound: f64, turns: f64, most: usize) ->
 }
 
 /// Bearings of a view less those of another, for the landmarks that both see.
-fn differences<T: Real>(problem: &Problem<T>, first: usize, view: usize) -> Vec<f64> {
+fn differences(problem: &Problem, first: usize, view: usize) -> Vec<f64> {
     let mut others = problem.of_view(first).iter().peekable();
     let mut found = Vec::new();
     for s in problem.of_view(view) {
@@ -151,7 +152,7 @@ fn differences<T: Real>(problem: &Problem<T>, first: usize, view: usize) -> Vec<
 }
 
 /// Inscribed angles: at twice its bearing from any view a landmark is on the circle.
-fn on_one_circle<T: Real>(problem: &Problem<T>) -> Option<Figure> {
+fn on_one_circle(problem: &Problem) -> Option<Figure> {
     let views = places(problem, PI, 2.0, 1)?;
     let mut at: Vec<Option<f64>> = vec![None; problem.landmarks()];
     for s in problem.sightings() {
@@ -175,7 +176,7 @@ fn on_one_circle<T: Real>(problem: &Problem<T>) -> Option<Figure> {
 }
 
 /// One place, with landmarks anywhere along their rays, or two with any turn between them.
-fn in_few_places<T: Real>(problem: &Problem<T>, places: &Places) -> Option<Figure> {
+fn in_few_places(problem: &Problem, places: &Places) -> Option<Figure> {
     // Rays of each landmark from each place, in the frame of the first view there.
     let mut rays = vec![[None; 2]; problem.landmarks()];
     for s in problem.sightings() {
@@ -186,9 +187,7 @@ fn in_few_places<T: Real>(problem: &Problem<T>, places: &Places) -> Option<Figur
     let turns = (0..TURNS).map(|k| PI * (f64::from(k) + 0.5) / f64::from(TURNS));
     let steepness = |turn: f64| {
         let pairs = rays.iter().filter_map(|[a, b]| Some((*a)? - (*b)? - turn));
-        pairs
-            .map(|d| ComplexField::sin(d).abs())
-            .fold(1.0, f64::min)
+        pairs.map(|d| d.sin().abs()).fold(1.0, f64::min)
     };
     let turn = turns.max_by(|a, b| steepness(*a).total_cmp(&steepness(*b)))?;
     let at = |place: usize| Vector2::new(if place == 0 { 0.0 } else { 1.0 }, 0.0);

@@ -12,7 +12,6 @@ use super::words::both;
 use crate::error::Error;
 use crate::estimation::{Loose, Map, Problem, Subject, loose_directions};
 use crate::reconstruction::{Progress, SolveOptions, solve};
-use crate::scalar::Real;
 use alloc::format;
 use alloc::string::ToString;
 use alloc::vec::Vec;
@@ -24,9 +23,9 @@ const LOOKED_AT: usize = 12;
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so.
-pub fn look_beyond<T: Real>(
-    problem: &Problem<T>,
-    map: Option<&Map<T>>,
+pub fn look_beyond(
+    problem: &Problem,
+    map: Option<&Map>,
     diagnosis: &mut Diagnosis,
     progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
@@ -92,9 +91,9 @@ pub fn look_beyond<T: Real>(
 /// Adds the free and weak directions of a map, for residuals of so many sigma.
 ///
 /// `outer` says who a subject is in the whole problem.
-pub fn weakest<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
+pub fn weakest(
+    problem: &Problem,
+    map: &Map,
     sigmas: f64,
     outer: &dyn Fn(Subject) -> Subject,
     diagnosis: &mut Diagnosis,

@@ -5,9 +5,11 @@ use super::figure::Figure;
 use super::finding::Kind;
 use super::shape::{Shape, extent};
 use super::spectrum::Spectrum;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, DMatrix, DVector, Vector2};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 /// A named configuration: points that share shapes.
 #[derive(Clone, Debug)]
@@ -106,7 +108,7 @@ impl Configuration {
     /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
     /// have made of it, but for the directions that are free anyway.
     pub fn fits(&self, figure: &Figure, spectrum: &Spectrum, noise: f64) -> bool {
-        let exact = ROOTS * ComplexField::sqrt(figure.rounding);
+        let exact = ROOTS * figure.rounding.sqrt();
         let Some(off) = self.distances(&figure.points) else {
             return false;
         };
@@ -148,13 +150,13 @@ impl Configuration {
         let Some(factor) = covariance.cholesky() else {
             return false;
         };
-        let distance = ComplexField::sqrt(off.dot(&factor.solve(&off)));
+        let distance = (off.dot(&factor.solve(&off))).sqrt();
         let taken: usize = self
             .shapes
             .iter()
             .map(|(shape, _)| shape.parameters())
             .sum();
-        let expected = ComplexField::sqrt(count.saturating_sub(taken) as f64);
+        let expected = (count.saturating_sub(taken) as f64).sqrt();
         // Where two solutions merge the offset grows with the root of the noise, which doubles it in this
         // measure.
         let folded = matches!(
@@ -229,7 +231,7 @@ fn scattered(k: usize) -> Vector2<f64> {
     // Powers of the inverse plastic number, the golden ratio of two dimensions.
     let at = |step: f64| {
         let turned = (k as f64 + 1.0) * step;
-        2.0 * (turned - ComplexField::floor(turned)) - 1.0
+        2.0 * (turned - turned.floor()) - 1.0
     };
     Vector2::new(at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_3))
 }

@@ -6,7 +6,6 @@ use super::finding::{Finding, Kind, Severity};
 use super::structure::{Core, Part};
 use super::words::{both, count, list};
 use crate::estimation::{Problem, Subject};
-use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
 
@@ -81,7 +80,7 @@ pub fn too_little(part: &Part) -> Option<Finding> {
 }
 
 /// Views and landmarks with too few sightings of each other to take part.
-pub fn outside<T: Real>(problem: &Problem<T>, core: &Core) -> Option<Finding> {
+pub fn outside(problem: &Problem, core: &Core) -> Option<Finding> {
     let pick = |inside: &[bool], seen: &dyn Fn(usize) -> usize| -> Vec<usize> {
         (0..inside.len())
             .filter(|&k| !inside[k] && seen(k) > 0)
@@ -108,7 +107,7 @@ pub fn outside<T: Real>(problem: &Problem<T>, core: &Core) -> Option<Finding> {
 }
 
 /// Views and landmarks without any sighting, but those that something else has `placed`.
-pub fn unseen<T: Real>(problem: &Problem<T>, placed: &dyn Fn(Subject) -> bool) -> Option<Finding> {
+pub fn unseen(problem: &Problem, placed: &dyn Fn(Subject) -> bool) -> Option<Finding> {
     let views: Vec<usize> = (0..problem.views())
         .filter(|&view| problem.of_view(view).is_empty() && !placed(Subject::View(view)))
         .collect();

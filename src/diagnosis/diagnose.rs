@@ -9,7 +9,6 @@ use super::structure::{Core, Part, tied};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::reconstruction::{Progress, seed};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// What the bearings determine and what they do not, with names for the reasons.
@@ -43,9 +42,9 @@ use alloc::vec::Vec;
 /// assert_eq!(diagnosis.findings[0].kind, Kind::CollinearLandmarks);
 /// # Ok::<(), bearslam::Error>(())
 /// ```
-pub fn diagnose<T: Real>(
-    problem: &Problem<T>,
-    map: Option<&Map<T>>,
+pub fn diagnose(
+    problem: &Problem,
+    map: Option<&Map>,
     progress: Option<Progress<'_>>,
 ) -> Result<Diagnosis, Error> {
     if let Some(map) = map {
@@ -118,9 +117,9 @@ fn sorted(mut diagnosis: Diagnosis) -> Diagnosis {
 }
 
 /// Adds what there is to say about a part.
-fn look_at<T: Real>(
-    own: &Own<T>,
-    map: Option<&Map<T>>,
+fn look_at(
+    own: &Own,
+    map: Option<&Map>,
     diagnosis: &mut Diagnosis,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {

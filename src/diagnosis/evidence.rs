@@ -8,16 +8,16 @@ use super::finding::Kind;
 use super::own::Own;
 use crate::error::Error;
 use crate::estimation::{Map, Undetermined};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::reconstruction::{Progress, Witness, explaining, mirror_images, witness};
-use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::ComplexField;
 
 /// What is looked at.
-pub enum Evidence<T: Real> {
+pub enum Evidence {
     /// A map.
     Map {
-        map: Map<T>,
+        map: Map,
         /// What it has lost, and why.
         lost: Vec<Undetermined>,
         /// How many times larger the residuals of the next best map are; NaN when none was looked for.
@@ -28,8 +28,8 @@ pub enum Evidence<T: Real> {
 }
 
 /// Evidence, and the standard deviation of a bearing \[rad\] to judge it by.
-pub struct Judged<T: Real> {
-    pub evidence: Evidence<T>,
+pub struct Judged {
+    pub evidence: Evidence,
     pub noise: f64,
 }
 
@@ -37,9 +37,9 @@ pub struct Judged<T: Real> {
 /// may have from a wrong minimum: half a degree.
 const APPARENT_NOISE: f64 = 0.01;
 
-impl<T: Real> Own<T> {
+impl Own {
     /// The shape that the bearings show by themselves, for this noise \[rad\].
-    fn apparent(&self, noise: f64) -> Option<Judged<T>> {
+    fn apparent(&self, noise: f64) -> Option<Judged> {
         let figure = apparent(&self.problem, noise)?;
         Some(Judged {
             evidence: Evidence::Figure(figure),
@@ -51,7 +51,7 @@ impl<T: Real> Own<T> {
     ///
     /// # Errors
     /// [`Error::Interrupted`] when `progress` says so.
-    pub fn found(&self, progress: &mut Option<Progress<'_>>) -> Result<Option<Judged<T>>, Error> {
+    pub fn found(&self, progress: &mut Option<Progress<'_>>) -> Result<Option<Judged>, Error> {
         let stated = self.stated_noise();
         if let Some(shown) = self.apparent(stated.unwrap_or(0.0)) {
             return Ok(Some(shown));
@@ -85,7 +85,7 @@ impl<T: Real> Own<T> {
 
     /// Another map than the one that was found, if its shape is known and tells more: where something is
     /// free, the bearings allow many.
-    fn telling(&self, found: &Witness<T>, noise: f64) -> Option<(Map<T>, Vec<Undetermined>)> {
+    fn telling(&self, found: &Witness, noise: f64) -> Option<(Map, Vec<Undetermined>)> {
         let own = self.examined(&found.map, noise);
         let doubt = own.is_none_or(|own| own.directions.iter().any(|d| d.largest > 1.0));
         let mut others = found.others.clone();
@@ -96,7 +96,7 @@ impl<T: Real> Own<T> {
         let maps: Vec<_> = first
             .chain(others.iter().map(|map| (map, &[][..])))
             .collect();
-        let member = |pick: &dyn Fn(&Family) -> Option<Map<T>>, kind: Kind| {
+        let member = |pick: &dyn Fn(&Family) -> Option<Map>, kind: Kind| {
             maps.iter().find_map(|(map, lost)| {
                 let member = pick(&Family::of(&self.problem, map, lost)?)?;
                 let map = self.settled(member, &found.map, noise)?;
@@ -111,7 +111,7 @@ impl<T: Real> Own<T> {
 
     /// A given map; if it shows nothing, what the bearings show, or a wall whose noise has been taken for
     /// depth, or a circle that noise has left.
-    pub fn given(&self, map: Map<T>, hopeless: bool) -> Judged<T> {
+    pub fn given(&self, map: Map, hopeless: bool) -> Judged {
         let stated = self.stated_noise();
         let (_, estimated) = self.spread(&map);
         let noise = stated.unwrap_or(estimated);
@@ -152,8 +152,8 @@ impl<T: Real> Own<T> {
     fn margin(&self, best: f64, rivals: &[f64]) -> f64 {
         let next = rivals.iter().copied().fold(f64::INFINITY, f64::min);
         // Costs of exact maps are rounding.
-        let rounding = 16.0 * T::eps().as_f64() * self.mean_weight();
+        let rounding = 16.0 * f64::EPSILON * self.mean_weight();
         let floor = rounding * rounding;
-        ComplexField::sqrt(f64::max(next, floor) / f64::max(best, floor))
+        (f64::max(next, floor) / f64::max(best, floor)).sqrt()
     }
 }

@@ -7,9 +7,10 @@ use super::finding::Kind;
 use super::movers::movers;
 use super::shape::Shape;
 use super::spectrum::{Spectrum, place};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::ComplexField;
 
 /// A direction of a map that the bearings hold weakly or not at all.
 pub struct Direction {
@@ -109,8 +110,8 @@ fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Dire
         let (sum, most) = squares.fold((0.0, 0.0), |(sum, most), square| {
             (sum + square, f64::max(most, square))
         });
-        let mean = deviation * ComplexField::sqrt(sum / count);
-        let one = deviation * ComplexField::sqrt(most);
+        let mean = deviation * (sum / count).sqrt();
+        let one = deviation * most.sqrt();
         if index < free || mean > WEAK || one > LOOSE {
             found.push(Direction {
                 index,

@@ -6,10 +6,11 @@
 
 use super::shape::{Shape, extent, line};
 use crate::estimation::{Map, Problem, Subject, Undetermined, Why};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::pose;
-use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::{Complex, ComplexField, Point2, Vector2};
+use nalgebra::{Complex, Point2, Vector2};
 
 /// Landmarks off their line by at most this part of their extent are looked at as a wall.
 const NEARLY: f64 = 0.1;
@@ -37,8 +38,8 @@ pub struct Family {
 impl Family {
     /// The family of a map whose landmarks are nearly on one line. Landmarks that the map has lost at
     /// infinity come back in other members.
-    pub fn of<T: Real>(problem: &Problem<T>, map: &Map<T>, lost: &[Undetermined]) -> Option<Self> {
-        let place = |p: &Point2<T>| Vector2::new(p.x.as_f64(), p.y.as_f64());
+    pub fn of(problem: &Problem, map: &Map, lost: &[Undetermined]) -> Option<Self> {
+        let place = |p: &Point2<f64>| Vector2::new(p.x, p.y);
         let points: Vec<_> = map.landmarks.iter().flatten().map(place).collect();
         let unit = extent(&points);
         let off = Shape::Line.distances(&points)?;
@@ -50,11 +51,11 @@ impl Family {
             let d = (p - middle) / unit;
             Complex::new(d.dot(&along), along.perp(&d))
         };
-        let turn = nalgebra::RealField::atan2(along.y, along.x);
+        let turn = along.y.atan2(along.x);
         let views = map.poses.iter().map(|pose| {
             let pose = (*pose)?;
             let place = local(place(&Point2::from(pose.translation.vector)));
-            Some((place, pose.rotation.angle().as_f64() - turn))
+            Some((place, pose.rotation.angle() - turn))
         });
         let views: Vec<_> = views.collect();
         let landmarks = map.landmarks.iter().enumerate().map(|(landmark, point)| {
@@ -70,7 +71,7 @@ impl Family {
             let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
                 let s = &problem.sightings()[k];
                 let (_, heading) = views[s.view]?;
-                Some(ComplexField::cos(heading + s.bearing.angle().as_f64()))
+                Some((heading + s.bearing.angle()).cos())
             });
             let sum: f64 = rays.sum();
             Some((if sum > 0.0 { 1.0 } else { -1.0 }, 0.0))
@@ -121,7 +122,7 @@ impl Family {
             return None;
         }
         // Evenly in the logarithm of the distance from either end: there are members at all scales.
-        let at = |t: f64| low + (high - low) / (1.0 + ComplexField::exp(-t));
+        let at = |t: f64| low + (high - low) / (1.0 + (-t).exp());
         let step = 2.0 * NEAREST / f64::from(MEMBERS);
         let all = (0..=MEMBERS).map(|k| step * f64::from(k) - NEAREST);
         let best = all.min_by(|a, b| cost(at(*a)).total_cmp(&cost(at(*b))))?;
@@ -138,7 +139,7 @@ impl Family {
     }
 
     /// The most compact member: the least distance of the farthest point over the mean.
-    pub fn compact<T: Real>(&self) -> Option<Map<T>> {
+    pub fn compact(&self) -> Option<Map> {
         let c = self.least(|c| {
             let (mut points, wall) = self.member(c);
             points.extend(wall.into_iter().map(|x| Vector2::new(x, 0.0)));
@@ -157,7 +158,7 @@ impl Family {
     ///
     /// Measured by how far three views turn at the middle one. Distances from a line would not do: near
     /// the ends of the family all views but one move together, and two places are always on a line.
-    pub fn aligned<T: Real>(&self) -> Option<Map<T>> {
+    pub fn aligned(&self) -> Option<Map> {
         let turn = |c: f64| {
             let (views, _) = self.member(c);
             let m = views.len();
@@ -167,29 +168,29 @@ impl Family {
                 let turn = straightness(views[i], views[j], views[k]);
                 turn * turn
             });
-            ComplexField::sqrt(squares.sum::<f64>() / (2 * m) as f64)
+            (squares.sum::<f64>() / (2 * m) as f64).sqrt()
         };
         let c = self.least(turn)?;
         (turn(c) < STRAIGHT).then(|| self.map(c))
     }
 
-    fn map<T: Real>(&self, c: f64) -> Map<T> {
+    fn map(&self, c: f64) -> Map {
         let back = |z: Complex<f64>| {
             let across = Vector2::new(-self.along.y, self.along.x);
             self.middle + (self.along * z.re + across * z.im) * self.unit
         };
-        let turn = nalgebra::RealField::atan2(self.along.y, self.along.x);
+        let turn = self.along.y.atan2(self.along.x);
         let poses = self.views.iter().map(|view| {
             let (p, heading) = (*view)?;
             let factor = p * c + 1.0;
             let place = back(p / factor);
-            let heading = heading + turn - nalgebra::RealField::atan2(factor.im, factor.re);
-            Some(pose(T::lit(place.x), T::lit(place.y), T::lit(heading)))
+            let heading = heading + turn - factor.im.atan2(factor.re);
+            Some(pose(place.x, place.y, heading))
         });
         let landmarks = self.landmarks.iter().map(|landmark| {
             let (x, w) = (*landmark)?;
             let place = back(Complex::new(x / (w + c * x), 0.0));
-            Some(Point2::new(T::lit(place.x), T::lit(place.y)))
+            Some(Point2::new(place.x, place.y))
         });
         Map {
             poses: poses.collect(),
@@ -202,7 +203,7 @@ impl Family {
 fn straightness(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
     let turn = |from: Vector2<f64>, at: Vector2<f64>, to: Vector2<f64>| {
         let (first, second) = (at - from, to - at);
-        nalgebra::RealField::atan2(first.perp(&second), first.dot(&second)).abs()
+        first.perp(&second).atan2(first.dot(&second)).abs()
     };
     turn(a, b, c).min(turn(b, c, a)).min(turn(c, a, b))
 }
@@ -237,11 +238,11 @@ mod tests {
                 });
             }
         }
-        let problem = Problem::<f64>::new(4, 6, &sightings).unwrap();
+        let problem = Problem::new(4, 6, &sightings).unwrap();
         let family = Family::of(&problem, &map, &[]).unwrap();
         let (low, high) = family.interval();
         for k in 1..10 {
-            let member = family.map::<f64>(low + (high - low) * f64::from(k) / 10.0);
+            let member = family.map(low + (high - low) * f64::from(k) / 10.0);
             for residual in member.residuals(&problem) {
                 assert!(residual.unwrap().abs() < 1e-12);
             }

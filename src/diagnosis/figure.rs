@@ -2,10 +2,11 @@
 //! A map as bare geometry: places, headings, and who sees whom.
 
 use crate::estimation::{Map, Problem, Subject};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Vector2};
+use nalgebra::Vector2;
 
 /// Points of a determined map in units of its size, with the sightings between them.
 ///
@@ -29,24 +30,23 @@ pub struct Figure {
 
 impl Figure {
     /// The determined part of a map; `None` when no sighting is left, or a number is not finite.
-    pub fn of_map<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Option<Self> {
+    pub fn of_map(problem: &Problem, map: &Map) -> Option<Self> {
         let views = map.poses.iter().enumerate();
         let views = views.filter_map(|(view, pose)| {
             let pose = (*pose)?;
             let p = pose.translation.vector;
-            let place = Vector2::new(p.x.as_f64(), p.y.as_f64());
-            Some((view, place, pose.rotation.angle().as_f64()))
+            let place = Vector2::new(p.x, p.y);
+            Some((view, place, pose.rotation.angle()))
         });
         let landmarks = map.landmarks.iter().enumerate();
-        let landmarks = landmarks.filter_map(|(landmark, point)| {
-            point.map(|p| (landmark, Vector2::new(p.x.as_f64(), p.y.as_f64())))
-        });
+        let landmarks = landmarks
+            .filter_map(|(landmark, point)| point.map(|p| (landmark, Vector2::new(p.x, p.y))));
         Self::new(problem, views, landmarks)
     }
 
     /// A figure from places; `None` when no sighting is left, or a number is not finite.
-    pub fn new<T: Real>(
-        problem: &Problem<T>,
+    pub fn new(
+        problem: &Problem,
         views: impl Iterator<Item = (usize, Vector2<f64>, f64)>,
         landmarks: impl Iterator<Item = (usize, Vector2<f64>)>,
     ) -> Option<Self> {
@@ -56,7 +56,7 @@ impl Figure {
             points: Vec::new(),
             headings: Vec::new(),
             sightings: Vec::new(),
-            rounding: T::eps().as_f64(),
+            rounding: f64::EPSILON,
         };
         let mut view_number = vec![None; problem.views()];
         let mut landmark_number = vec![None; problem.landmarks()];
@@ -74,12 +74,12 @@ impl Figure {
         for s in problem.sightings() {
             if let (Some(view), Some(landmark)) = (view_number[s.view], landmark_number[s.landmark])
             {
-                let weight = s.weight.as_f64();
+                let weight = s.weight;
                 figure.sightings.push((view, landmark, weight));
             }
         }
         let squares: f64 = figure.sightings.iter().map(|s| s.2 * s.2).sum();
-        let mean = ComplexField::sqrt(squares / figure.sightings.len() as f64);
+        let mean = (squares / figure.sightings.len() as f64).sqrt();
         for s in &mut figure.sightings {
             s.2 /= mean;
         }

@@ -9,14 +9,13 @@ use super::finding::Kind;
 use super::own::Own;
 use crate::estimation::Map;
 use crate::geometry::{Pose, align};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Point2, center};
 
-impl<T: Real> Own<T> {
+impl Own {
     /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
     /// circle, be it one of the others or halfway to one of them.
-    pub fn folded(&self, map: &Map<T>, others: &[Map<T>], noise: f64) -> Option<Map<T>> {
+    pub fn folded(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
         if self.problem.landmarks() != 4 {
             return None;
         }
@@ -28,9 +27,9 @@ impl<T: Real> Own<T> {
 }
 
 /// The map between two, the second laid over the first.
-fn halfway<T: Real>(one: &Map<T>, other: &Map<T>) -> Option<Map<T>> {
-    let place = |pose: &Pose<T>| Point2::from(pose.translation.vector);
-    let points = |map: &Map<T>| {
+fn halfway(one: &Map, other: &Map) -> Option<Map> {
+    let place = |pose: &Pose<f64>| Point2::from(pose.translation.vector);
+    let points = |map: &Map| {
         let views = map.poses.iter().map(move |pose| pose.as_ref().map(place));
         views
             .chain(map.landmarks.iter().copied())
@@ -41,7 +40,7 @@ fn halfway<T: Real>(one: &Map<T>, other: &Map<T>) -> Option<Map<T>> {
     let laid = other.transformed(&align(&source, &target).ok()?);
     let poses = one.poses.iter().zip(&laid.poses).map(|(a, b)| {
         let (a, b) = ((*a)?, (*b)?);
-        let rotation = a.rotation * (a.rotation.inverse() * b.rotation).powf(T::lit(0.5));
+        let rotation = a.rotation * (a.rotation.inverse() * b.rotation).powf(0.5);
         let middle = center(&place(&a), &place(&b));
         Some(Pose::from_parts(middle.coords.into(), rotation))
     });

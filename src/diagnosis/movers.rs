@@ -2,8 +2,10 @@
 //! Who moves in a direction: what is left of it after the similarity under which most points stay.
 
 use super::figure::Figure;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
-use nalgebra::{Complex, ComplexField, Vector2};
+use nalgebra::{Complex, Vector2};
 
 /// Rounds of reweighting; the weights settle within a dozen.
 const ROUNDS: usize = 25;
@@ -40,7 +42,7 @@ fn without_similarity(figure: &Figure, moves: &[Vector2<f64>], units: &[f64]) ->
     let mut weights: Vec<f64> = units.iter().map(|unit| 1.0 / unit).collect();
     let mut left: Vec<f64> = Vec::new();
     let largest = moves.iter().map(|z| z.norm_sqr()).fold(0.0, f64::max);
-    let floor = ROUNDING * ComplexField::sqrt(largest);
+    let floor = ROUNDING * largest.sqrt();
     for _ in 0..ROUNDS {
         // move = shift + turn * place, weighted least squares.
         let (mut sum, mut place, mut moved) = (0.0, Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
@@ -62,7 +64,7 @@ fn without_similarity(figure: &Figure, moves: &[Vector2<f64>], units: &[f64]) ->
         };
         let rest = places.iter().zip(&moves).zip(units).map(|((z, d), unit)| {
             let off = d - moved - turn * (z - place);
-            ComplexField::sqrt(off.norm_sqr()) / unit
+            off.norm_sqr().sqrt() / unit
         });
         left = rest.collect();
         for ((weight, length), unit) in weights.iter_mut().zip(&left).zip(units) {

@@ -6,14 +6,14 @@ use super::figure::Figure;
 use super::finding::Kind;
 use super::structure::Part;
 use crate::estimation::{Map, Problem, RefineOptions, Subject, Undetermined, Why, refine_map};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::ComplexField;
 
 /// A part with its own numbers.
-pub struct Own<T: Real> {
-    pub problem: Problem<T>,
+pub struct Own {
+    pub problem: Problem,
     /// Who it is in the whole problem.
     pub part: Part,
 }
@@ -29,8 +29,8 @@ const SETTLING_DAMPING: f64 = 1e-2;
 /// difference of two.
 const PARALLEL: f64 = 6.0;
 
-impl<T: Real> Own<T> {
-    pub fn new(problem: &Problem<T>, part: &Part) -> Self {
+impl Own {
+    pub fn new(problem: &Problem, part: &Part) -> Self {
         let mut views = vec![false; problem.views()];
         let mut landmarks = vec![false; problem.landmarks()];
         part.views.iter().for_each(|&view| views[view] = true);
@@ -44,7 +44,7 @@ impl<T: Real> Own<T> {
     }
 
     /// The same part of a map.
-    pub fn map(&self, map: &Map<T>) -> Map<T> {
+    pub fn map(&self, map: &Map) -> Map {
         let views = self.part.views.iter();
         let landmarks = self.part.landmarks.iter();
         Map {
@@ -63,13 +63,13 @@ impl<T: Real> Own<T> {
 
     /// Root mean square of the residuals of a map, and the standard deviation of the bearings that they
     /// tell \[rad\]; without freedom to tell it, that they are at least as large as what is left.
-    pub fn spread(&self, map: &Map<T>) -> (f64, f64) {
+    pub fn spread(&self, map: &Map) -> (f64, f64) {
         let weight = self.mean_weight();
         let (mut squares, mut count) = (0.0, 0.0);
         let seen = self.problem.sightings().iter();
         for (s, residual) in seen.zip(map.residuals(&self.problem)) {
             if let Some(r) = residual {
-                let r = r.as_f64() * s.weight.as_f64() / weight;
+                let r = r * s.weight / weight;
                 squares += r * r;
                 count += 1.0;
             }
@@ -77,9 +77,9 @@ impl<T: Real> Own<T> {
         let views = map.poses.iter().flatten().count();
         let landmarks = map.landmarks.iter().flatten().count();
         let freedom = count + 4.0 - (3 * views + 2 * landmarks) as f64;
-        let rms = ComplexField::sqrt(squares / f64::max(count, 1.0));
+        let rms = (squares / f64::max(count, 1.0)).sqrt();
         let noise = if freedom > 0.0 {
-            ComplexField::sqrt(squares / freedom)
+            (squares / freedom).sqrt()
         } else {
             rms
         };
@@ -88,7 +88,7 @@ impl<T: Real> Own<T> {
 
     /// The noise that the problem states: standard deviations below 1 rad.
     pub fn stated_noise(&self) -> Option<f64> {
-        let mut weights = self.problem.sightings().iter().map(|s| s.weight.as_f64());
+        let mut weights = self.problem.sightings().iter().map(|s| s.weight);
         weights
             .all(|weight| weight > 1.0)
             .then(|| 1.0 / self.mean_weight())
@@ -97,16 +97,16 @@ impl<T: Real> Own<T> {
     /// Root mean square of one over sigma.
     pub fn mean_weight(&self) -> f64 {
         let seen = self.problem.sightings();
-        let squares = seen.iter().map(|s| s.weight.as_f64() * s.weight.as_f64());
-        ComplexField::sqrt(squares.sum::<f64>() / seen.len().max(1) as f64)
+        let squares = seen.iter().map(|s| s.weight * s.weight);
+        (squares.sum::<f64>() / seen.len().max(1) as f64).sqrt()
     }
 
     /// A member of a family after a few steps of refinement, strongly damped so that it stays where it is
     /// in the family; `None` when it does not explain the bearings as a known map does.
-    pub fn settled(&self, member: Map<T>, known: &Map<T>, noise: f64) -> Option<Map<T>> {
+    pub fn settled(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
         let options = RefineOptions {
             max_iterations: SETTLING,
-            damping: T::lit(SETTLING_DAMPING),
+            damping: SETTLING_DAMPING,
             ..RefineOptions::default()
         };
         let mut map = member;
@@ -115,26 +115,26 @@ impl<T: Real> Own<T> {
     }
 
     /// Whether a map explains the bearings as a known one does, or as well as the noise lets expect.
-    pub fn explains(&self, map: &Map<T>, known: &Map<T>, noise: f64) -> bool {
+    pub fn explains(&self, map: &Map, known: &Map, noise: f64) -> bool {
         let bound = AS_GOOD * f64::max(self.spread(known).0, noise);
-        self.spread(map).0 <= bound + T::eps().sqrt().as_f64()
+        self.spread(map).0 <= bound + f64::EPSILON.sqrt()
     }
 
     /// What a map tells.
-    pub fn examined(&self, map: &Map<T>, noise: f64) -> Option<Examination> {
+    pub fn examined(&self, map: &Map, noise: f64) -> Option<Examination> {
         Figure::of_map(&self.problem, map).and_then(|figure| examine(&figure, noise))
     }
 
     /// Whether a map has a shape that leaves directions free.
-    pub fn shows(&self, map: &Map<T>, kind: Kind, noise: f64) -> bool {
+    pub fn shows(&self, map: &Map, kind: Kind, noise: f64) -> bool {
         let found = self.examined(map, noise);
         found.is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
     }
 
     /// The landmarks that a given map has no place for though its views see them, in directions that are
     /// parallel within the noise.
-    pub fn infinite(&self, map: &Map<T>, noise: f64) -> Vec<Undetermined> {
-        let bound = PARALLEL * noise + T::eps().sqrt().as_f64();
+    pub fn infinite(&self, map: &Map, noise: f64) -> Vec<Undetermined> {
+        let bound = PARALLEL * noise + f64::EPSILON.sqrt();
         let parallel = |landmark: usize| {
             let rays: Vec<_> = self
                 .problem
@@ -145,7 +145,7 @@ impl<T: Real> Own<T> {
                     map.poses[s.view].map(|pose| pose.rotation * s.bearing)
                 })
                 .collect();
-            let off = |ray| rays[0].angle_to(ray).as_f64().abs();
+            let off = |ray| rays[0].angle_to(ray).abs();
             rays.len() > 1 && rays.iter().all(|ray| off(ray) < bound)
         };
         (0..map.landmarks.len())

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Lines, circles and single places: how far points are from the nearest one.
 
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Matrix2, Matrix3, RealField, SymmetricEigen, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
 
 /// What points may share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +81,7 @@ fn centroid(points: &[Vector2<f64>]) -> Vector2<f64> {
 pub fn extent(points: &[Vector2<f64>]) -> f64 {
     let middle = centroid(points);
     let squares: f64 = points.iter().map(|p| (p - middle).norm_squared()).sum();
-    ComplexField::sqrt(squares / points.len().max(1) as f64)
+    (squares / points.len().max(1) as f64).sqrt()
 }
 
 /// A point and the direction of the line of least squared distances.
@@ -91,8 +93,8 @@ pub fn line(points: &[Vector2<f64>]) -> (Vector2<f64>, Vector2<f64>) {
         moments += d * d.transpose();
     }
     // The axis at half the angle of the second moments: without cancellation on a perfect line.
-    let twice = RealField::atan2(2.0 * moments.m12, moments.m11 - moments.m22);
-    let (sin, cos) = ComplexField::sin_cos(0.5 * twice);
+    let twice = (2.0 * moments.m12).atan2(moments.m11 - moments.m22);
+    let (sin, cos) = (0.5 * twice).sin_cos();
     (middle, Vector2::new(cos, sin))
 }
 
@@ -123,7 +125,7 @@ fn circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)> {
     }
     let solution = left.try_inverse()? * right;
     let mut centre = Vector2::new(solution.x, solution.y);
-    let mut radius = ComplexField::sqrt(solution.z + centre.norm_squared());
+    let mut radius = (solution.z + centre.norm_squared()).sqrt();
     for _ in 0..2 {
         let mut left = Matrix3::zeros();
         let mut right = Vector3::zeros();

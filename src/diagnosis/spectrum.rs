@@ -2,8 +2,10 @@
 //! How far the bearings hold each direction of a map: the singular values of the Jacobian.
 
 use super::figure::{Figure, median};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, DMatrix, DVector, Vector2};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 /// The directions of a map beyond the gauge, those that the bearings hold least first.
 ///
@@ -87,7 +89,7 @@ impl Spectrum {
     /// Where two solutions merge, positions come out of exact bearings with the root of the rounding; so a
     /// singular value below a few roots is zero.
     pub fn free(&self) -> usize {
-        let bound = 8.0 * ComplexField::sqrt(self.rounding) * self.scale;
+        let bound = 8.0 * self.rounding.sqrt() * self.scale;
         self.values
             .iter()
             .take_while(|&&value| !(value > bound))
@@ -192,7 +194,7 @@ fn free_gauge(
     let Some(turns) = held.v_t else {
         return Vec::new();
     };
-    let bound = 8.0 * ComplexField::sqrt(figure.rounding) * scale;
+    let bound = 8.0 * figure.rounding.sqrt() * scale;
     let mut reflectors: Vec<DVector<f64>> = Vec::new();
     for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
         if *value > bound {

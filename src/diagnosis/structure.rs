@@ -2,7 +2,6 @@
 //! What the sightings alone tell, before any map: counting, parts, who sees too little.
 
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Problem};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -42,7 +41,7 @@ pub struct Core {
 
 impl Core {
     /// Drops who sees or is seen too little, until nobody is left who does.
-    pub fn of<T: Real>(problem: &Problem<T>) -> Self {
+    pub fn of(problem: &Problem) -> Self {
         let mut core = Self {
             views: vec![true; problem.views()],
             landmarks: vec![true; problem.landmarks()],
@@ -72,7 +71,7 @@ impl Core {
     }
 
     /// The connected parts, the one with most sightings first.
-    pub fn parts<T: Real>(&self, problem: &Problem<T>) -> Vec<Part> {
+    pub fn parts(&self, problem: &Problem) -> Vec<Part> {
         let mut part_of_view: Vec<Option<usize>> = vec![None; problem.views()];
         let mut part_of_landmark: Vec<Option<usize>> = vec![None; problem.landmarks()];
         let mut count = 0;
@@ -125,7 +124,7 @@ impl Core {
 
 /// What linear steps can tie together, from the three views that share most landmarks: landmarks that
 /// two tied views see, and views that see three tied landmarks.
-pub fn tied<T: Real>(problem: &Problem<T>, seed: [usize; 3]) -> Core {
+pub fn tied(problem: &Problem, seed: [usize; 3]) -> Core {
     let mut tied = Core {
         views: vec![false; problem.views()],
         landmarks: vec![false; problem.landmarks()],

@@ -12,7 +12,6 @@ use super::own::Own;
 use super::report::{Diagnosis, NullDirection};
 use super::words::both;
 use crate::estimation::{Map, Subject, Undetermined, Why};
-use crate::scalar::Real;
 use alloc::format;
 use alloc::vec::Vec;
 
@@ -25,9 +24,9 @@ const CLEAR_MARGIN: f64 = 3.0;
 /// Singular values that are reported.
 const REPORTED: usize = 8;
 
-impl<T: Real> Own<T> {
+impl Own {
     /// Adds what the evidence tells to a diagnosis. `hopeless` when counting has told the worst already.
-    pub fn judge(&self, judged: &Judged<T>, hopeless: bool, diagnosis: &mut Diagnosis) {
+    pub fn judge(&self, judged: &Judged, hopeless: bool, diagnosis: &mut Diagnosis) {
         let noise = judged.noise;
         diagnosis.noise = f64::max(diagnosis.noise, noise);
         let findings = &mut diagnosis.findings;
@@ -62,7 +61,7 @@ impl<T: Real> Own<T> {
     }
 
     /// What the map has no value for.
-    fn absent(&self, map: &Map<T>, lost: &[Undetermined], findings: &mut Vec<Finding>) {
+    fn absent(&self, map: &Map, lost: &[Undetermined], findings: &mut Vec<Finding>) {
         let views = map.poses.iter().enumerate();
         let views = views
             .filter(|(_, pose)| pose.is_none())
@@ -97,7 +96,7 @@ impl<T: Real> Own<T> {
         }
     }
 
-    fn poor_fit(&self, map: &Map<T>) -> Option<Finding> {
+    fn poor_fit(&self, map: &Map) -> Option<Finding> {
         let (rms, _) = self.spread(map);
         (rms > PLAUSIBLE_RMS).then(|| {
             self.about_all(

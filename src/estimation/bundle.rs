@@ -9,29 +9,30 @@ use super::map::Map;
 use super::priors::TieRow;
 use super::problem::{Problem, Seen};
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::{Pose, signed_angle, transform_pose};
 use crate::lm::Loss;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector3};
 
 /// A complete map: every view and landmark has a value.
 #[derive(Clone, Debug)]
-pub struct Bundle<T: Real> {
-    pub poses: Vec<Pose<T>>,
-    pub landmarks: Vec<Point2<T>>,
+pub struct Bundle {
+    pub poses: Vec<Pose<f64>>,
+    pub landmarks: Vec<Point2<f64>>,
 }
 
 /// A problem linearised at a bundle.
 #[derive(Clone, Debug)]
-pub struct Rows<T: Real> {
-    pub sightings: Vec<Row<T>>,
-    pub ties: Vec<TieRow<T>>,
+pub struct Rows {
+    pub sightings: Vec<Row>,
+    pub ties: Vec<TieRow>,
 }
 
-impl<T: Real> Rows<T> {
+impl Rows {
     /// Room for those of a problem.
-    pub fn of(problem: &Problem<T>) -> Self {
+    pub fn of(problem: &Problem) -> Self {
         Self {
             sightings: Vec::with_capacity(problem.sightings().len()),
             ties: Vec::with_capacity(problem.ties().len()),
@@ -42,34 +43,34 @@ impl<T: Real> Rows<T> {
 /// A sighting linearised: residual and derivatives, all over sigma, and with a loss times the root of its
 /// slope.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<T: Real> {
+pub struct Row {
     /// Derivative with respect to the landmark, minus that with respect to the position.
-    pub gradient: Vector2<T>,
+    pub gradient: Vector2<f64>,
     /// Minus the derivative with respect to the heading: one over sigma.
-    pub weight: T,
+    pub weight: f64,
     /// The residual.
-    pub residual: T,
+    pub residual: f64,
 }
 
-impl<T: Real> Row<T> {
+impl Row {
     /// A sighting of a landmark from a pose; a line rather than a ray when not `oriented`.
     #[inline]
-    fn new(pose: &Pose<T>, landmark: &Point2<T>, s: &Seen<T>, oriented: bool) -> Self {
+    fn new(pose: &Pose<f64>, landmark: &Point2<f64>, s: &Seen, oriented: bool) -> Self {
         let offset = landmark.coords - pose.translation.vector;
         let ray = pose.rotation.into_inner() * s.bearing.into_inner();
         let along = ray.re * offset.x + ray.im * offset.y;
         let across = ray.re * offset.y - ray.im * offset.x;
         let square = offset.norm_squared();
         // A landmark exactly on its view may lie in any direction, and pulls nowhere.
-        if square <= T::zero() {
+        if square <= 0.0 {
             return Self {
                 gradient: Vector2::zeros(),
                 weight: s.weight,
-                residual: T::zero(),
+                residual: 0.0,
             };
         }
         // A line may as well point the other way.
-        let (along, across) = if oriented || along >= T::zero() {
+        let (along, across) = if oriented || along >= 0.0 {
             (along, across)
         } else {
             (-along, -across)
@@ -86,18 +87,18 @@ impl<T: Real> Row<T> {
     /// rays, the inner loop of most refinements, which compiles to nothing more than these.
     #[inline]
     fn tempered<const PLAIN: bool>(
-        pose: &Pose<T>,
-        landmark: &Point2<T>,
-        s: &Seen<T>,
+        pose: &Pose<f64>,
+        landmark: &Point2<f64>,
+        s: &Seen,
         oriented: bool,
-        loss: Loss<T>,
-    ) -> (Self, T) {
+        loss: Loss,
+    ) -> (Self, f64) {
         let mut row = Self::new(pose, landmark, s, PLAIN || oriented);
         if PLAIN {
             return (row, row.residual * row.residual);
         }
         let (value, slope) = loss.evaluate(row.residual * row.residual);
-        if slope < T::one() {
+        if slope < 1.0 {
             let root = slope.sqrt();
             row.gradient *= root;
             row.weight *= root;
@@ -108,50 +109,50 @@ impl<T: Real> Row<T> {
 
     /// Derivative with respect to the pose `(x, y, theta)`.
     #[inline]
-    pub fn pose(&self) -> [T; 3] {
+    pub fn pose(&self) -> [f64; 3] {
         [-self.gradient.x, -self.gradient.y, -self.weight]
     }
 
     /// Derivative with respect to the landmark `(x, y)`.
     #[inline]
-    pub fn landmark(&self) -> [T; 2] {
+    pub fn landmark(&self) -> [f64; 2] {
         [self.gradient.x, self.gradient.y]
     }
 }
 
 /// What the views tell about one landmark: information (xx, xy, yy), gradient, sum of losses.
-struct Around<T: Real> {
-    information: [T; 3],
-    gradient: Vector2<T>,
-    loss: T,
+struct Around {
+    information: [f64; 3],
+    gradient: Vector2<f64>,
+    loss: f64,
 }
 
-impl<T: Real> Around<T> {
+impl Around {
     /// The step of Gauss-Newton; `None` where the views do not fix the landmark.
     #[inline]
-    fn step(&self) -> Option<Vector2<T>> {
+    fn step(&self) -> Option<Vector2<f64>> {
         let [xx, xy, yy] = self.information;
         let determinant = xx * yy - xy * xy;
-        let [x, y]: [T; 2] = self.gradient.into();
+        let [x, y]: [f64; 2] = self.gradient.into();
         let step = Vector2::new(xy * y - yy * x, xy * x - xx * y) / determinant;
-        (determinant > T::zero()).then_some(step)
+        (determinant > 0.0).then_some(step)
     }
 }
 
 /// Whether residuals count with their squares, and bearings are rays.
-fn is_plain<T: Real>(problem: &Problem<T>, loss: Loss<T>) -> bool {
+fn is_plain(problem: &Problem, loss: Loss) -> bool {
     problem.is_oriented() && loss == Loss::Squared
 }
 
 /// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
-pub fn horizon<T: Real>() -> T {
-    T::lit(0.1) / T::eps().sqrt()
+pub fn horizon() -> f64 {
+    0.1 / f64::EPSILON.sqrt()
 }
 
 /// The longer side of the box around some places.
-fn extent<T: Real>(places: impl Iterator<Item = Vector2<T>> + Clone) -> T {
+fn extent(places: impl Iterator<Item = Vector2<f64>> + Clone) -> f64 {
     let Some(first) = places.clone().next() else {
-        return T::zero();
+        return 0.0;
     };
     let (low, high) = places.fold((first, first), |(low, high), place| {
         (low.inf(&place), high.sup(&place))
@@ -159,9 +160,9 @@ fn extent<T: Real>(places: impl Iterator<Item = Vector2<T>> + Clone) -> T {
     (high - low).amax()
 }
 
-impl<T: Real> Bundle<T> {
+impl Bundle {
     /// The determined part of a map.
-    pub fn from_map(map: &Map<T>) -> Self {
+    pub fn from_map(map: &Map) -> Self {
         Self {
             poses: map.poses.iter().flatten().copied().collect(),
             landmarks: map.landmarks.iter().flatten().copied().collect(),
@@ -169,7 +170,7 @@ impl<T: Real> Bundle<T> {
     }
 
     /// Writes the values back into the determined places of the map they came from.
-    pub fn write_to(&self, map: &mut Map<T>) {
+    pub fn write_to(&self, map: &mut Map) {
         for (to, from) in map.poses.iter_mut().flatten().zip(&self.poses) {
             *to = *from;
         }
@@ -180,7 +181,7 @@ impl<T: Real> Bundle<T> {
 
     /// The extent of the views (where they are in one place, of all) as a power of two, so that
     /// scaling by it loses no digit.
-    pub fn unit(&self) -> Result<T, Error> {
+    pub fn unit(&self) -> Result<f64, Error> {
         let views = self.poses.iter().map(|pose| pose.translation.vector);
         let all = views
             .clone()
@@ -193,18 +194,18 @@ impl<T: Real> Bundle<T> {
                 });
             }
         }
-        let power = |size: T| T::lit(2.0).powf(size.log2().round());
-        let usable = |size: T| {
+        let power = |size: f64| 2.0_f64.powf(size.log2().round());
+        let usable = |size: f64| {
             let unit = power(size);
             let square = unit * unit;
-            size > T::zero() && square.is_finite() && (T::one() / square).is_finite()
+            size > 0.0 && square.is_finite() && (1.0 / square).is_finite()
         };
         let sizes = [extent(views), extent(all)];
         match sizes.into_iter().find(|size| usable(*size)) {
             Some(size) => Ok(power(size)),
             None => Err(Error::Degenerate {
                 quantity: "extent of the start",
-                value: sizes[1].as_f64(),
+                value: sizes[1],
                 bound: 0.0,
             }),
         }
@@ -212,7 +213,7 @@ impl<T: Real> Bundle<T> {
 
     /// Brings landmarks that are too far away to be told from infinity to where they can just be.
     pub fn bring_in(&mut self) {
-        let horizon = horizon::<T>();
+        let horizon = horizon();
         let Some(home) = self.poses.first().map(|pose| pose.translation.vector) else {
             return;
         };
@@ -225,7 +226,7 @@ impl<T: Real> Bundle<T> {
     }
 
     /// Moves all of it by a similarity.
-    pub fn transform(&mut self, similarity: &Similarity2<T>) {
+    pub fn transform(&mut self, similarity: &Similarity2<f64>) {
         for pose in &mut self.poses {
             *pose = transform_pose(similarity, pose);
         }
@@ -235,7 +236,7 @@ impl<T: Real> Bundle<T> {
     }
 
     /// Scales all positions.
-    pub fn scale(&mut self, factor: T) {
+    pub fn scale(&mut self, factor: f64) {
         for pose in &mut self.poses {
             pose.translation.vector *= factor;
         }
@@ -245,7 +246,7 @@ impl<T: Real> Bundle<T> {
     }
 
     /// Linearises everything; returns the cost, half the sum of the losses and of the squares of the ties.
-    pub fn linearize(&self, problem: &Problem<T>, loss: Loss<T>, rows: &mut Rows<T>) -> T {
+    pub fn linearize(&self, problem: &Problem, loss: Loss, rows: &mut Rows) -> f64 {
         let mut sum = if is_plain(problem, loss) {
             self.linearize_sightings::<true>(problem, loss, &mut rows.sightings)
         } else {
@@ -257,19 +258,19 @@ impl<T: Real> Bundle<T> {
             sum += row.square();
             rows.ties.push(row);
         }
-        sum * T::lit(0.5)
+        sum * 0.5
     }
 
     /// The sum of the losses.
     fn linearize_sightings<const PLAIN: bool>(
         &self,
-        problem: &Problem<T>,
-        loss: Loss<T>,
-        rows: &mut Vec<Row<T>>,
-    ) -> T {
+        problem: &Problem,
+        loss: Loss,
+        rows: &mut Vec<Row>,
+    ) -> f64 {
         rows.clear();
         let oriented = problem.is_oriented();
-        let mut sum = T::zero();
+        let mut sum = 0.0;
         for (view, pose) in self.poses.iter().enumerate() {
             for s in problem.of_view(view) {
                 let point = &self.landmarks[s.landmark];
@@ -286,7 +287,7 @@ impl<T: Real> Bundle<T> {
     ///
     /// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
     /// descent may take longer steps (variable projection).
-    pub fn settle_landmark(&mut self, problem: &Problem<T>, loss: Loss<T>, landmark: usize) {
+    pub fn settle_landmark(&mut self, problem: &Problem, loss: Loss, landmark: usize) {
         if is_plain(problem, loss) {
             self.settle_on_rays::<true>(problem, loss, landmark);
         } else {
@@ -296,13 +297,13 @@ impl<T: Real> Bundle<T> {
 
     fn settle_on_rays<const PLAIN: bool>(
         &mut self,
-        problem: &Problem<T>,
-        loss: Loss<T>,
+        problem: &Problem,
+        loss: Loss,
         landmark: usize,
     ) {
         let start = self.landmarks[landmark];
         let at = self.around::<PLAIN>(problem, loss, landmark, &start);
-        let near = |point: &Point2<T>| point.coords.amax() <= horizon();
+        let near = |point: &Point2<f64>| point.coords.amax() <= horizon();
         let Some(first) = at.step().map(|step| start + step).filter(near) else {
             return;
         };
@@ -312,7 +313,7 @@ impl<T: Real> Bundle<T> {
         }
         // Of the second step only the loss is of interest.
         let second = there.step().map(|step| first + step).filter(near);
-        let lower = |point: &Point2<T>| {
+        let lower = |point: &Point2<f64>| {
             self.loss_around::<PLAIN>(problem, loss, landmark, point) < there.loss
         };
         self.landmarks[landmark] = second.filter(lower).unwrap_or(first);
@@ -322,14 +323,14 @@ impl<T: Real> Bundle<T> {
     #[inline]
     fn loss_around<const PLAIN: bool>(
         &self,
-        problem: &Problem<T>,
-        loss: Loss<T>,
+        problem: &Problem,
+        loss: Loss,
         landmark: usize,
-        point: &Point2<T>,
-    ) -> T {
+        point: &Point2<f64>,
+    ) -> f64 {
         let oriented = problem.is_oriented();
         let seen = problem.of_landmark(landmark).iter();
-        seen.fold(T::zero(), |sum, &k| {
+        seen.fold(0.0, |sum, &k| {
             let s = &problem.sightings()[k];
             let pose = &self.poses[s.view];
             sum + Row::tempered::<PLAIN>(pose, point, s, oriented, loss).1
@@ -340,22 +341,22 @@ impl<T: Real> Bundle<T> {
     #[inline]
     fn around<const PLAIN: bool>(
         &self,
-        problem: &Problem<T>,
-        loss: Loss<T>,
+        problem: &Problem,
+        loss: Loss,
         landmark: usize,
-        point: &Point2<T>,
-    ) -> Around<T> {
+        point: &Point2<f64>,
+    ) -> Around {
         let mut around = Around {
-            information: [T::zero(); 3],
+            information: [0.0; 3],
             gradient: Vector2::zeros(),
-            loss: T::zero(),
+            loss: 0.0,
         };
         let oriented = problem.is_oriented();
         for &k in problem.of_landmark(landmark) {
             let s = &problem.sightings()[k];
             let pose = &self.poses[s.view];
             let (row, value) = Row::tempered::<PLAIN>(pose, point, s, oriented, loss);
-            let [x, y]: [T; 2] = row.gradient.into();
+            let [x, y]: [f64; 2] = row.gradient.into();
             around.information[0] += x * x;
             around.information[1] += x * y;
             around.information[2] += y * y;
@@ -366,11 +367,11 @@ impl<T: Real> Bundle<T> {
     }
 
     /// Applies a step: positions are added to, headings turned.
-    pub fn step(&self, poses: &[Vector3<T>], landmarks: &[Vector2<T>], result: &mut Self) {
+    pub fn step(&self, poses: &[Vector3<f64>], landmarks: &[Vector2<f64>], result: &mut Self) {
         for ((to, from), step) in result.poses.iter_mut().zip(&self.poses).zip(poses) {
             let turned = from.rotation.into_inner() * UnitComplex::new(step.z).into_inner();
             // First-order normalisation keeps rounding from adding up.
-            let scale = (T::lit(3.0) - turned.norm_sqr()) * T::lit(0.5);
+            let scale = (3.0 - turned.norm_sqr()) * 0.5;
             *to = Pose::from_parts(
                 Translation2::from(from.translation.vector + step.xy()),
                 UnitComplex::new_unchecked(turned * scale),

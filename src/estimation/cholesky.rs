@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Cholesky factorisation of a dense symmetric matrix in place, tuned for some dozens of rows.
 
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -9,7 +10,7 @@ use alloc::vec::Vec;
 /// factor with inverted diagonal.
 ///
 /// `false` when a pivot is not positive: the matrix is not positive definite in this arithmetic.
-pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
+pub fn factorize(matrix: &mut [f64], n: usize) -> bool {
     // Two rows at a time against two rows: each number loaded serves twice.
     let even = n - n % 2;
     for i in (0..even).step_by(2) {
@@ -50,14 +51,14 @@ pub fn factorize<T: Real>(matrix: &mut [T], n: usize) -> bool {
 
 /// One over the square root of a positive number.
 #[inline]
-fn inverse_root<T: Real>(pivot: T) -> Option<T> {
-    (pivot > T::zero()).then(|| T::one() / pivot.sqrt())
+fn inverse_root(pivot: f64) -> Option<f64> {
+    (pivot > 0.0).then(|| 1.0 / pivot.sqrt())
 }
 
 /// The four inner products of two rows with two rows.
 #[inline]
-fn dots<T: Real>([a, b]: [&[T]; 2], [p, q]: [&[T]; 2]) -> [T; 4] {
-    let mut sums = [[T::zero(); 2]; 4];
+fn dots([a, b]: [&[f64]; 2], [p, q]: [&[f64]; 2]) -> [f64; 4] {
+    let mut sums = [[0.0; 2]; 4];
     let (a2, a_rest) = a.as_chunks::<2>();
     let (b2, b_rest) = b.as_chunks::<2>();
     let (p2, p_rest) = p.as_chunks::<2>();
@@ -80,7 +81,7 @@ fn dots<T: Real>([a, b]: [&[T]; 2], [p, q]: [&[T]; 2]) -> [T; 4] {
 }
 
 /// Solves `L L^T x = b` in place with the factor of [`factorize`].
-pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
+pub fn solve(factor: &[f64], x: &mut [f64]) {
     let n = x.len();
     for i in 0..n {
         let row = &factor[i * n..][..=i];
@@ -97,7 +98,7 @@ pub fn solve<T: Real>(factor: &[T], x: &mut [T]) {
 }
 
 /// Solves `L y = x` in place with the factor of [`factorize`]; `x` is zero before `begin`.
-pub fn whiten<T: Real>(factor: &[T], x: &mut [T], begin: usize) {
+pub fn whiten(factor: &[f64], x: &mut [f64], begin: usize) {
     let n = x.len();
     for i in begin..n {
         let row = &factor[i * n..][..=i];
@@ -106,8 +107,8 @@ pub fn whiten<T: Real>(factor: &[T], x: &mut [T], begin: usize) {
 }
 
 /// The diagonal of the inverse of the matrix, from the factor of [`factorize`].
-pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
-    let mut column = vec![T::zero(); n];
+pub fn inverse_diagonal(factor: &[f64], n: usize) -> Vec<f64> {
+    let mut column = vec![0.0; n];
     let squares = |j: usize| {
         // Column j of the inverse of L.
         column[j] = factor[j * n + j];
@@ -124,8 +125,8 @@ pub fn inverse_diagonal<T: Real>(factor: &[T], n: usize) -> Vec<T> {
 
 /// Inner product with four interleaved sums: a fixed order that fits the vector registers.
 #[inline]
-pub fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    let mut sums = [T::zero(); 4];
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
     let (a4, a_rest) = a.as_chunks::<4>();
     let (b4, b_rest) = b.as_chunks::<4>();
     for (x, y) in a4.iter().zip(b4) {
@@ -133,7 +134,7 @@ pub fn dot<T: Real>(a: &[T], b: &[T]) -> T {
             sums[k] += x[k] * y[k];
         }
     }
-    let mut rest = T::zero();
+    let mut rest = 0.0;
     for (x, y) in a_rest.iter().zip(b_rest) {
         rest += *x * *y;
     }

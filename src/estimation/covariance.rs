@@ -3,14 +3,13 @@
 
 use super::bundle::{Bundle, Rows};
 use super::gauge::{Held, free_directions};
-use super::loss::Loss;
 use super::map::{Map, Subject};
 use super::normal::Normal;
 use super::problem::Problem;
 use super::refine::Watch;
 use super::weakest::free_of;
 use crate::error::Error;
-use crate::scalar::Real;
+use crate::lm::Loss;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3};
 
@@ -47,13 +46,13 @@ impl Frame {
 /// infinite variance (and NaN beside the diagonal) is that of something that moves in a direction that
 /// nothing holds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Covariance<T: Real> {
+pub struct Covariance {
     /// In which frame.
     pub frame: Frame,
     /// Of each pose (x, y, heading \[rad\]), in the axes of the map.
-    pub poses: Vec<Option<Matrix3<T>>>,
+    pub poses: Vec<Option<Matrix3<f64>>>,
     /// Of each landmark (x, y).
-    pub landmarks: Vec<Option<Matrix2<T>>>,
+    pub landmarks: Vec<Option<Matrix2<f64>>>,
     /// Directions that nothing holds, beyond the gauge.
     pub free: usize,
 }
@@ -100,13 +99,13 @@ const STANDS: f64 = 1e-6;
 ///
 /// # Reference
 /// W. Baarda, "S-transformations and criterion matrices", 1973; Triggs et al. 2000, section 9.
-pub fn covariance<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    loss: Loss<T>,
+pub fn covariance(
+    problem: &Problem,
+    map: &Map,
+    loss: Loss,
     frame: Frame,
     mut watch: Option<Watch<'_>>,
-) -> Result<Covariance<T>, Error> {
+) -> Result<Covariance, Error> {
     map.check_size(problem)?;
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
@@ -180,13 +179,13 @@ pub fn covariance<T: Real>(
             .poses
             .iter()
             .map(|pose| pose.and_then(|_| found.next()))
-            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| T::lit(b[(i, j)]))))
+            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| b[(i, j)])))
             .collect(),
         landmarks: map
             .landmarks
             .iter()
             .map(|point| point.and_then(|_| found.next()))
-            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| T::lit(b[(i, j)]))))
+            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| b[(i, j)])))
             .collect(),
         free: free.len(),
     })
@@ -240,7 +239,7 @@ pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>])
     free.iter().map(framed).collect()
 }
 
-/// `S = 1 - E (C^T E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the
+/// `S = 1 - E (C^f64 E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the
 /// constraints C.
 struct Transformation {
     /// E times `(C^T E)^-1`.
@@ -253,10 +252,10 @@ struct Transformation {
 }
 
 impl Transformation {
-    fn new<T: Real>(
-        normal: &Normal<'_, T>,
-        problem: &Problem<T>,
-        bundle: &Bundle<T>,
+    fn new(
+        normal: &Normal<'_>,
+        problem: &Problem,
+        bundle: &Bundle,
         gauge: &[Vec<f64>],
         free: &[Vec<f64>],
         frame: Frame,

@@ -5,22 +5,23 @@ use super::bundle::{Bundle, Rows};
 use super::problem::Problem;
 use super::refine::Watch;
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::lm::{RefineOptions, Termination};
-use crate::scalar::Real;
 
 /// What proposes steps.
-pub trait System<T: Real> {
+pub trait System {
     /// Solves for the step at a damping and writes the bundle after it into `result`.
     ///
     /// Returns by how much the model of the system expects the cost to fall; `None` when it is not
     /// positive definite.
     fn step(
         &mut self,
-        bundle: &Bundle<T>,
-        rows: &Rows<T>,
-        damping: T,
-        result: &mut Bundle<T>,
-    ) -> Option<T>;
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64>;
 
     /// Whether a landmark may be put onto its rays after a step.
     fn settles(&self, _landmark: usize) -> bool {
@@ -34,7 +35,7 @@ pub trait System<T: Real> {
     }
 
     /// Whether the descent is to pause here, for a change of the system.
-    fn pauses(&mut self, _bundle: &Bundle<T>, _rows: &Rows<T>, _cost: T) -> bool {
+    fn pauses(&mut self, _bundle: &Bundle, _rows: &Rows, _cost: f64) -> bool {
         false
     }
 }
@@ -49,28 +50,28 @@ pub enum Rest {
 }
 
 /// A bundle on its way to the minimum.
-pub struct Descent<'a, 'w, T: Real> {
-    pub problem: &'a Problem<T>,
-    pub options: &'a RefineOptions<T>,
-    pub bundle: Bundle<T>,
+pub struct Descent<'a, 'w> {
+    pub problem: &'a Problem,
+    pub options: &'a RefineOptions,
+    pub bundle: Bundle,
     /// The bundle linearised.
-    pub rows: Rows<T>,
-    pub cost: T,
+    pub rows: Rows,
+    pub cost: f64,
     /// Linear systems solved.
     pub iterations: usize,
     watch: Option<Watch<'w>>,
-    trial: Bundle<T>,
-    trial_rows: Rows<T>,
+    trial: Bundle,
+    trial_rows: Rows,
 }
 
-impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
+impl<'a, 'w> Descent<'a, 'w> {
     /// # Errors
     /// [`Error::NotFinite`] when a residual of the start is not finite.
     pub fn new(
-        problem: &'a Problem<T>,
-        options: &'a RefineOptions<T>,
+        problem: &'a Problem,
+        options: &'a RefineOptions,
         watch: Option<Watch<'w>>,
-        bundle: Bundle<T>,
+        bundle: Bundle,
     ) -> Result<Self, Error> {
         let mut rows = Rows::of(problem);
         let cost = bundle.linearize(problem, options.loss, &mut rows);
@@ -107,14 +108,14 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
     ///
     /// # Errors
     /// [`Error::Interrupted`] when the watch says so.
-    pub fn run(&mut self, system: &mut impl System<T>, limit: usize) -> Result<Rest, Error> {
+    pub fn run(&mut self, system: &mut impl System, limit: usize) -> Result<Rest, Error> {
         let zero = self.rounding();
         let tolerance = self.options.tolerance;
         let loss = self.options.loss;
         let mut damping = self.options.damping;
-        let mut last_gain = T::zero();
+        let mut last_gain = 0.0;
         // The damping at which the last step was refused, for a system that remembers.
-        let mut refused = T::zero();
+        let mut refused = 0.0;
         loop {
             if self.cost <= zero {
                 return Ok(Rest::Ended(Termination::ZeroResidual));
@@ -123,7 +124,7 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 return Ok(Rest::Ended(Termination::MaxIterations));
             }
             if let Some(watch) = &mut self.watch
-                && !watch(self.iterations, self.cost.as_f64())
+                && !watch(self.iterations, self.cost)
             {
                 return Err(Error::Interrupted);
             }
@@ -147,14 +148,14 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 } else if predicted <= tolerance * self.cost {
                     return Ok(Rest::Ended(Termination::Converged));
                 }
-            } else if damping <= T::zero() {
+            } else if damping <= 0.0 {
                 return Ok(Rest::Ended(Termination::Singular));
             }
             if let Some((gained, predicted)) = lower {
                 // Near the minimum each gain is a small, shrinking part of the one before: what is
                 // left to gain is at most the next one.
                 let rate = gained / last_gain;
-                let left = if rate < T::lit(CONVERGING) {
+                let left = if rate < CONVERGING {
                     gained * rate
                 } else {
                     gained
@@ -168,36 +169,36 @@ impl<'a, 'w, T: Real> Descent<'a, 'w, T> {
                 }
                 last_gain = gained;
                 let ratio = gained / predicted;
-                if ratio > T::lit(0.75) {
-                    let less = damping * T::lit(0.1);
+                if ratio > 0.75 {
+                    let less = damping * 0.1;
                     if less > refused {
                         damping = less;
                     } else {
                         damping = (damping * refused).sqrt();
-                        refused *= T::lit(FORGET);
+                        refused *= FORGET;
                     }
-                } else if ratio < T::lit(0.25) {
-                    damping *= T::lit(4.0);
+                } else if ratio < 0.25 {
+                    damping *= 4.0;
                 }
             } else {
-                if damping <= T::zero() || damping > T::lit(MAX_DAMPING) {
+                if damping <= 0.0 || damping > MAX_DAMPING {
                     return Ok(Rest::Ended(Termination::NoProgress));
                 }
                 if system.remembers() {
                     refused = damping;
                 }
-                damping = (damping * T::lit(10.0)).max(T::lit(1e-5));
+                damping = (damping * 10.0).max(1e-5);
             }
         }
     }
 
     /// The cost of residuals that are rounding.
-    fn rounding(&self) -> T {
-        let rounding = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
-        let squares = self.rows.sightings.iter().fold(T::zero(), |sum, row| {
+    fn rounding(&self) -> f64 {
+        let rounding = ZERO_RESIDUAL_EPS * f64::EPSILON;
+        let squares = self.rows.sightings.iter().fold(0.0, |sum, row| {
             sum + (row.weight * rounding) * (row.weight * rounding)
         });
-        squares * T::lit(0.5)
+        squares * 0.5
     }
 }
 

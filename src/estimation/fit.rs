@@ -9,7 +9,8 @@ use super::linearized::{centroid, kept_positions};
 use super::map::{Map, Subject};
 use super::priors::Tie;
 use super::problem::Problem;
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 use nalgebra::{
     Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
@@ -21,7 +22,7 @@ const STEPS: usize = 30;
 /// The map after the similarity with the least cost of its ties, near the best of some first ones.
 ///
 /// With bearings modulo pi every heading may be turned round as well, each for itself.
-pub fn fitted<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Map<T> {
+pub fn fitted(problem: &Problem, map: &Map) -> Map {
     let active = map.restrict(problem);
     if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
         return map.clone();
@@ -41,19 +42,19 @@ pub fn fitted<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Map<T> {
 }
 
 /// The cost of the ties.
-fn cost<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> T {
+fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
     let ties = problem.ties().iter();
-    ties.fold(T::zero(), |sum, tie| sum + tie.linearize(bundle).square())
+    ties.fold(0.0, |sum, tie| sum + tie.linearize(bundle).square())
 }
 
 /// Turns headings round where ties want it: from prior to prior and along the odometry.
-fn turn_round<T: Real>(problem: &Problem<T>, bundle: &mut Bundle<T>) {
+fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     if problem.is_oriented() {
         return;
     }
     for tie in problem.ties() {
         let (view, wanted) = match tie {
-            Tie::Pose { view, pose, root } if root[2][2] > T::zero() => (*view, pose.rotation),
+            Tie::Pose { view, pose, root } if root[2][2] > 0.0 => (*view, pose.rotation),
             Tie::Motion {
                 start, end, delta, ..
             } => (*end, bundle.poses[*start].rotation * delta.rotation),
@@ -61,17 +62,17 @@ fn turn_round<T: Real>(problem: &Problem<T>, bundle: &mut Bundle<T>) {
         };
         let rotation = &mut bundle.poses[view].rotation;
         let apart = wanted.inverse() * *rotation;
-        if apart.re < T::zero() {
+        if apart.re < 0.0 {
             *rotation = UnitComplex::new_unchecked(-rotation.into_inner());
         }
     }
 }
 
 /// First guesses: by the known points, by the known headings, by the lengths of motions.
-fn first_frames<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Similarity2<T>> {
-    let mut pairs: Vec<(Point2<T>, Point2<T>)> = Vec::new();
-    let mut turn = Complex::new(T::zero(), T::zero());
-    let (mut lengths, mut squares) = (T::zero(), T::zero());
+fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
+    let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
+    let mut turn = Complex::new(0.0, 0.0);
+    let (mut lengths, mut squares) = (0.0, 0.0);
     for tie in problem.ties() {
         match tie {
             Tie::Landmark {
@@ -79,12 +80,12 @@ fn first_frames<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Simila
             } => pairs.push((bundle.landmarks[*landmark], *position)),
             Tie::Pose { view, pose, root } => {
                 let estimate = &bundle.poses[*view];
-                if root[0][0] > T::zero() && root[1][1] > T::zero() {
-                    let place = |v: &Vector2<T>| Point2::from(*v);
+                if root[0][0] > 0.0 && root[1][1] > 0.0 {
+                    let place = |v: &Vector2<f64>| Point2::from(*v);
                     let (a, b) = (&estimate.translation.vector, &pose.translation.vector);
                     pairs.push((place(a), place(b)));
                 }
-                if root[2][2] > T::zero() {
+                if root[2][2] > 0.0 {
                     let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
                     // Modulo pi the double is what is known.
                     turn += if problem.is_oriented() { by } else { by * by };
@@ -104,19 +105,15 @@ fn first_frames<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Simila
     let (source, target): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
     found.extend(crate::geometry::align(&source, &target));
     let scale = lengths / squares;
-    let scale = if scale > T::zero() && scale.is_finite() {
+    let scale = if scale > 0.0 && scale.is_finite() {
         scale
     } else {
-        T::one()
+        1.0
     };
     let norm = turn.norm_sqr().sqrt();
-    let rotation = if norm > T::eps() {
+    let rotation = if norm > f64::EPSILON {
         let angle = turn.im.atan2(turn.re);
-        let part = if problem.is_oriented() {
-            T::one()
-        } else {
-            T::lit(0.5)
-        };
+        let part = if problem.is_oriented() { 1.0 } else { 0.5 };
         UnitComplex::new(angle * part)
     } else {
         UnitComplex::identity()
@@ -134,23 +131,21 @@ fn first_frames<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Simila
 }
 
 /// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
-fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>) {
+fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
-        let middle = centroid(&kept_positions::<T, 3>(&bundle));
-        let mut normal = Matrix4::<T>::zeros();
-        let mut gradient = Vector4::<T>::zeros();
+        let middle = centroid(&kept_positions::<3>(&bundle));
+        let mut normal = Matrix4::zeros();
+        let mut gradient = Vector4::zeros();
         for tie in problem.ties() {
             let row = tie.linearize(&bundle);
             for k in 0..3 {
                 let mut change = Vector4::zeros();
                 for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
                     let (position, heading) = match subject {
-                        Subject::View(view) => (bundle.poses[view].translation.vector, T::one()),
-                        Subject::Landmark(landmark) => {
-                            (bundle.landmarks[landmark].coords, T::zero())
-                        }
+                        Subject::View(view) => (bundle.poses[view].translation.vector, 1.0),
+                        Subject::Landmark(landmark) => (bundle.landmarks[landmark].coords, 0.0),
                     };
                     let q = position - middle;
                     let [x, y, turned] = jacobian[k];
@@ -166,12 +161,12 @@ fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>
             }
         }
         // What no tie holds gets no step.
-        let bound = normal.amax() * T::eps();
+        let bound = normal.amax() * f64::EPSILON;
         let Ok(inverse) = normal.pseudo_inverse(bound) else {
             break;
         };
         let step = -(inverse * gradient);
-        let mut part = T::one();
+        let mut part = 1.0;
         let mut lower = None;
         for _ in 0..HALVINGS {
             let by = step * part;
@@ -179,7 +174,7 @@ fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>
             let scale = by.w.exp();
             let shift = middle + by.xy() - rotation * middle * scale;
             let mut moved = bundle.clone();
-            if scale > T::zero() && scale.is_finite() && shift.norm_squared().is_finite() {
+            if scale > 0.0 && scale.is_finite() && shift.norm_squared().is_finite() {
                 let shift = Translation2::from(shift);
                 moved.transform(&Similarity2::from_parts(shift, rotation, scale));
                 let there = cost(problem, &moved);
@@ -188,12 +183,12 @@ fn settle<T: Real>(problem: &Problem<T>, mut bundle: Bundle<T>) -> (T, Bundle<T>
                     break;
                 }
             }
-            part *= T::lit(0.25);
+            part *= 0.25;
         }
         let Some((there, moved)) = lower else { break };
         let gained = now - there;
         (now, bundle) = (there, moved);
-        if gained <= now * T::lit(1e-12).max(T::eps()) {
+        if gained <= now * 1e-12_f64.max(f64::EPSILON) {
             break;
         }
     }

@@ -7,10 +7,12 @@ use super::linearized::{centroid, spread};
 use super::map::Subject;
 use super::priors::Tie;
 use super::problem::Problem;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
+use nalgebra::{Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
 
 /// Share of the size of a tie's derivatives below which what the gauge does to it is rounding.
 const UNTOUCHED: f64 = 1e-9;
@@ -23,24 +25,24 @@ const ROUNDING: f64 = 1e-13;
 ///
 /// They are the combinations of translation, rotation and scaling about the centroid that all ties
 /// leave alone, scaled to entries of about 1.
-pub fn free_directions<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec<Vec<f64>> {
+pub fn free_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
     let views = bundle.poses.len();
     let positions = bundle.poses.iter().map(|pose| pose.translation.vector);
-    let places: Vec<Vector2<T>> = positions
+    let places: Vec<Vector2<f64>> = positions
         .chain(bundle.landmarks.iter().map(|point| point.coords))
         .collect();
     let middle = centroid(&places);
-    let size = (spread(&places) / T::lit(places.len() as f64)).sqrt();
-    let size = if size > T::zero() { size } else { T::one() };
-    let at = |parameter: usize, position: &Vector2<T>| -> [f64; 4] {
+    let size = (spread(&places) / (places.len() as f64)).sqrt();
+    let size = if size > 0.0 { size } else { 1.0 };
+    let at = |parameter: usize, position: &Vector2<f64>| -> [f64; 4] {
         let q = (position - middle) / size;
-        let turn = T::one() / size;
+        let turn = 1.0 / size;
         let row = match parameter {
-            0 => [T::one(), T::zero(), -q.y, q.x],
-            1 => [T::zero(), T::one(), q.x, q.y],
-            _ => [T::zero(), T::zero(), turn, T::zero()],
+            0 => [1.0, 0.0, -q.y, q.x],
+            1 => [0.0, 1.0, q.x, q.y],
+            _ => [0.0, 0.0, turn, 0.0],
         };
-        row.map(T::as_f64)
+        row.map(f64::as_f64)
     };
     let combinations = untouched(problem, bundle, &at);
     let mut directions =
@@ -65,10 +67,10 @@ pub fn free_directions<T: Real>(problem: &Problem<T>, bundle: &Bundle<T>) -> Vec
 }
 
 /// The combinations of the four that change no tie.
-fn untouched<T: Real>(
-    problem: &Problem<T>,
-    bundle: &Bundle<T>,
-    at: &impl Fn(usize, &Vector2<T>) -> [f64; 4],
+fn untouched(
+    problem: &Problem,
+    bundle: &Bundle,
+    at: &impl Fn(usize, &Vector2<f64>) -> [f64; 4],
 ) -> Vec<[f64; 4]> {
     let mut held = Matrix4::<f64>::zeros();
     for tie in problem.ties() {
@@ -83,7 +85,7 @@ fn untouched<T: Real>(
                 };
                 for (parameter, slope) in jacobian[k].iter().enumerate() {
                     for (g, entry) in at(parameter, &position).into_iter().enumerate() {
-                        let product = slope.as_f64() * entry;
+                        let product = slope * entry;
                         change[g] += product;
                         size[g] += product.abs();
                     }
@@ -93,7 +95,7 @@ fn untouched<T: Real>(
             if !(norm > 0.0 && norm.is_finite()) {
                 continue;
             }
-            let norm = ComplexField::sqrt(norm);
+            let norm = norm.sqrt();
             let change = Vector4::from(change) / norm;
             if change.norm() > UNTOUCHED {
                 held += change * change.transpose();
@@ -152,7 +154,7 @@ pub struct Held {
 
 impl Held {
     /// What the ties of a problem hold.
-    pub fn of<T: Real>(problem: &Problem<T>) -> Self {
+    pub fn of(problem: &Problem) -> Self {
         let mut held = Self {
             points: Vec::new(),
             heading: false,
@@ -162,10 +164,10 @@ impl Held {
             match tie {
                 Tie::Motion { .. } => held.scale = true,
                 Tie::Pose { view, root, .. } => {
-                    if root[0][0] > T::zero() || root[1][1] > T::zero() {
+                    if root[0][0] > 0.0 || root[1][1] > 0.0 {
                         held.add(Subject::View(*view));
                     }
-                    held.heading |= root[2][2] > T::zero();
+                    held.heading |= root[2][2] > 0.0;
                 }
                 Tie::Landmark { landmark, .. } => held.add(Subject::Landmark(*landmark)),
             }
@@ -184,7 +186,7 @@ impl Held {
     /// The similarity that brings a map into the frame in which it is reported: of what is not held, the
     /// first view is at the origin with heading 0, and the root-mean-square distance of the other
     /// views from it is 1. `None` when the views are in one place.
-    pub fn frame<T: Real>(&self, bundle: &Bundle<T>) -> Option<Similarity2<T>> {
+    pub fn frame(&self, bundle: &Bundle) -> Option<Similarity2<f64>> {
         let first = bundle.poses.first()?;
         let pivot = match self.points.first() {
             None => first.translation.vector,
@@ -192,15 +194,15 @@ impl Held {
             Some(Subject::Landmark(landmark)) => bundle.landmarks[*landmark].coords,
         };
         let scale = if self.scale {
-            T::one()
+            1.0
         } else {
             let others = bundle.poses.iter().skip(1);
-            let sum = others.fold(T::zero(), |sum, pose| {
+            let sum = others.fold(0.0, |sum, pose| {
                 sum + (pose.translation.vector - first.translation.vector).norm_squared()
             });
-            (T::lit(bundle.poses.len() as f64 - 1.0) / sum).sqrt()
+            ((bundle.poses.len() as f64 - 1.0) / sum).sqrt()
         };
-        if !(scale > T::zero() && scale.is_finite()) {
+        if !(scale > 0.0 && scale.is_finite()) {
             return None;
         }
         let rotation = if self.heading {
@@ -222,7 +224,7 @@ impl Held {
     }
 
     /// What that frame holds fixed, each as a row over all parameters.
-    pub fn constraints<T: Real>(&self, bundle: &Bundle<T>) -> Vec<Vec<f64>> {
+    pub fn constraints(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
         let size = 3 * bundle.poses.len() + 2 * bundle.landmarks.len();
         let unit = |parameter: usize| {
             let mut row = vec![0.0; size];
@@ -240,7 +242,7 @@ impl Held {
             let mut row = vec![0.0; size];
             let first = bundle.poses[0].translation.vector;
             for (view, pose) in bundle.poses.iter().enumerate() {
-                let offset = (pose.translation.vector - first).map(T::as_f64);
+                let offset = (pose.translation.vector - first).map(f64::as_f64);
                 for (k, part) in [offset.x, offset.y].into_iter().enumerate() {
                     row[3 * view + k] += part;
                     row[k] -= part;

@@ -6,8 +6,9 @@ use super::cholesky;
 use super::map::Map;
 use super::problem::Problem;
 use super::variances::add_product;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::lm::Loss;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -18,19 +19,19 @@ const MAX_NUMBERS: usize = 1 << 20;
 ///
 /// With `J` the row of a sighting and `H` the normal matrix, inner products of two of these vectors are
 /// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T29).
-pub struct Influence<T: Real> {
+pub struct Influence {
     size: usize,
     /// For each sighting its vector; zeros where the map does not reach it.
-    rows: Vec<T>,
+    rows: Vec<f64>,
     /// Residual over sigma of each sighting that the map reaches.
-    pub residuals: Vec<Option<T>>,
+    pub residuals: Vec<Option<f64>>,
 }
 
-impl<T: Real> Influence<T> {
+impl Influence {
     /// The influence of all sightings of a problem on a map that has been refined to those `kept`.
     ///
     /// `None` when there are too many, or those that are kept do not hold the map.
-    pub fn new(problem: &Problem<T>, map: &Map<T>, kept: &[bool]) -> Option<Self> {
+    pub fn new(problem: &Problem, map: &Map, kept: &[bool]) -> Option<Self> {
         let reached: Vec<usize> = (0..kept.len())
             .filter(|&k| {
                 let s = &problem.sightings()[k];
@@ -46,9 +47,9 @@ impl<T: Real> Influence<T> {
         }
         let mut linearized = Rows::of(&active);
         bundle.linearize(&active, Loss::Squared, &mut linearized);
-        let mut rows = vec![T::zero(); size * kept.len()];
+        let mut rows = vec![0.0; size * kept.len()];
         let mut residuals = vec![None; kept.len()];
-        let mut matrix = vec![T::zero(); size * size];
+        let mut matrix = vec![0.0; size * size];
         for ((s, row), &k) in active
             .sightings()
             .iter()
@@ -68,7 +69,7 @@ impl<T: Real> Influence<T> {
         }
         // The gauge must not make it singular, and no bearing depends on it.
         for k in 0..size {
-            matrix[k * size + k] *= T::one() + T::eps().sqrt();
+            matrix[k * size + k] *= 1.0 + f64::EPSILON.sqrt();
         }
         if !cholesky::factorize(&mut matrix, size) {
             return None;
@@ -84,7 +85,7 @@ impl<T: Real> Influence<T> {
     }
 
     /// `J_k H^-1 J_l^T`; with itself the leverage of a sighting.
-    pub fn between(&self, k: usize, l: usize) -> T {
+    pub fn between(&self, k: usize, l: usize) -> f64 {
         let row = |k: usize| &self.rows[k * self.size..][..self.size];
         cholesky::dot(row(k), row(l))
     }

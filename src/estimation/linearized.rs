@@ -4,23 +4,24 @@
 use super::bundle::{Bundle, Row};
 use super::problem::Problem;
 use super::schur::{Grouped, Slot};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector2};
 
 /// Whether eliminating the poses leaves the smaller system.
-pub fn keeps_landmarks<T: Real>(problem: &Problem<T>) -> bool {
+pub fn keeps_landmarks(problem: &Problem) -> bool {
     2 * problem.landmarks() <= 3 * problem.views()
 }
 
 /// All sightings linearised, to be grouped by either end.
-pub struct Linearized<'a, T: Real> {
-    pub problem: &'a Problem<T>,
-    pub rows: &'a [Row<T>],
+pub struct Linearized<'a> {
+    pub problem: &'a Problem,
+    pub rows: &'a [Row],
 }
 
 /// Grouped by view: poses go, landmarks stay.
-impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
+impl Grouped<3, 2> for Linearized<'_> {
     fn groups(&self) -> usize {
         self.problem.views()
     }
@@ -34,7 +35,7 @@ impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
     }
 
     #[inline]
-    fn group(&self, view: usize) -> impl Iterator<Item = Slot<T, 3, 2>> {
+    fn group(&self, view: usize) -> impl Iterator<Item = Slot<3, 2>> {
         let range = self.problem.range_of_view(view);
         self.problem.sightings()[range.clone()]
             .iter()
@@ -49,7 +50,7 @@ impl<T: Real> Grouped<T, 3, 2> for Linearized<'_, T> {
 }
 
 /// Grouped by landmark: landmarks go, poses stay.
-impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
+impl Grouped<2, 3> for Linearized<'_> {
     fn groups(&self) -> usize {
         self.problem.landmarks()
     }
@@ -63,7 +64,7 @@ impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
     }
 
     #[inline]
-    fn group(&self, landmark: usize) -> impl Iterator<Item = Slot<T, 2, 3>> {
+    fn group(&self, landmark: usize) -> impl Iterator<Item = Slot<2, 3>> {
         self.problem.of_landmark(landmark).iter().map(|&k| Slot {
             kept: self.problem.sightings()[k].view,
             gone: self.rows[k].landmark(),
@@ -74,18 +75,18 @@ impl<T: Real> Grouped<T, 2, 3> for Linearized<'_, T> {
 }
 
 /// The directions of translation, rotation and scaling of the blocks that stay, (T14): orthonormal rows.
-pub fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> DMatrix<T> {
-    let points = kept_positions::<T, K>(bundle);
-    let count = T::lit(points.len() as f64);
+pub fn gauge<const K: usize>(bundle: &Bundle) -> DMatrix<f64> {
+    let points = kept_positions::<K>(bundle);
+    let count = points.len() as f64;
     let centre = centroid(&points);
     let spread = spread(&points);
     // Norms of the four directions; headings turn along.
     let turned = if K == 2 { spread } else { spread + count };
     let [shift, turn, grow] = [count, turned, spread].map(|square| {
-        if square > T::zero() {
-            T::one() / square.sqrt()
+        if square > 0.0 {
+            1.0 / square.sqrt()
         } else {
-            T::zero()
+            0.0
         }
     });
     let mut directions = DMatrix::zeros(4, points.len() * K);
@@ -105,7 +106,7 @@ pub fn gauge<T: Real, const K: usize>(bundle: &Bundle<T>) -> DMatrix<T> {
 }
 
 /// The positions of the blocks that stay: landmarks for `K` = 2, views for `K` = 3.
-pub fn kept_positions<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vector2<T>> {
+pub fn kept_positions<const K: usize>(bundle: &Bundle) -> Vec<Vector2<f64>> {
     if K == 2 {
         bundle.landmarks.iter().map(|p| p.coords).collect()
     } else {
@@ -113,14 +114,14 @@ pub fn kept_positions<T: Real, const K: usize>(bundle: &Bundle<T>) -> Vec<Vector
     }
 }
 
-pub fn centroid<T: Real>(points: &[Vector2<T>]) -> Vector2<T> {
-    points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / T::lit(points.len() as f64)
+pub fn centroid(points: &[Vector2<f64>]) -> Vector2<f64> {
+    points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / (points.len() as f64)
 }
 
 /// Sum of squared distances from the centroid.
-pub fn spread<T: Real>(points: &[Vector2<T>]) -> T {
+pub fn spread(points: &[Vector2<f64>]) -> f64 {
     let centre = centroid(points);
     points
         .iter()
-        .fold(T::zero(), |sum, p| sum + (p - centre).norm_squared())
+        .fold(0.0, |sum, p| sum + (p - centre).norm_squared())
 }

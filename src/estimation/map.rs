@@ -6,9 +6,10 @@ use super::gauge::{Held, free_directions};
 use super::priors::Tie;
 use super::problem::Problem;
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::{Pose, transform_pose};
 use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
@@ -16,11 +17,11 @@ use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Map<T: Real> {
+pub struct Map {
     /// The pose of each view.
-    pub poses: Vec<Option<Pose<T>>>,
+    pub poses: Vec<Option<Pose<f64>>>,
     /// The position of each landmark.
-    pub landmarks: Vec<Option<Point2<T>>>,
+    pub landmarks: Vec<Option<Point2<f64>>>,
 }
 
 /// A view or a landmark, by index.
@@ -101,7 +102,7 @@ impl fmt::Display for Why {
     }
 }
 
-impl<T: Real> Map<T> {
+impl Map {
     /// A map with nothing in it.
     pub fn empty(views: usize, landmarks: usize) -> Self {
         Self {
@@ -127,10 +128,7 @@ impl<T: Real> Map<T> {
     /// The bearing residual, predicted minus measured in (-pi, pi] (unoriented: in
     /// (-pi/2, pi/2]), of each sighting of a problem, in
     /// the order of [`Problem::sightings`]; `None` where an end is undetermined.
-    pub fn residuals<'a>(
-        &'a self,
-        problem: &'a Problem<T>,
-    ) -> impl Iterator<Item = Option<T>> + 'a {
+    pub fn residuals<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = Option<f64>> + 'a {
         problem.sightings().iter().map(|s| {
             let (pose, point) = (self.poses[s.view]?, self.landmarks[s.landmark]?);
             Some(problem.residual(&pose, &point, s))
@@ -139,7 +137,7 @@ impl<T: Real> Map<T> {
 
     /// # Errors
     /// [`Error::LengthMismatch`] when the map is not of the problem's size.
-    pub(super) fn check_size(&self, problem: &Problem<T>) -> Result<(), Error> {
+    pub(super) fn check_size(&self, problem: &Problem) -> Result<(), Error> {
         for (what, expected, got) in [
             ("poses", problem.views(), self.poses.len()),
             ("landmarks", problem.landmarks(), self.landmarks.len()),
@@ -157,7 +155,7 @@ impl<T: Real> Map<T> {
 
     /// The same map in the frame in which it is reported: what odometry and priors of the problem do not
     /// fix is fixed as in [`Map::normalized`].
-    pub(crate) fn framed(&self, problem: &Problem<T>) -> Self {
+    pub(crate) fn framed(&self, problem: &Problem) -> Self {
         let mut map = if problem.ties().is_empty() {
             self.normalized()
         } else {
@@ -170,7 +168,7 @@ impl<T: Real> Map<T> {
         if !problem.is_oriented() && problem.ties().is_empty() {
             // A heading is known modulo pi; odometry and priors may know more.
             for pose in map.poses.iter_mut().flatten() {
-                if pose.rotation.re < T::zero() {
+                if pose.rotation.re < 0.0 {
                     pose.rotation = UnitComplex::new_unchecked(-pose.rotation.into_inner());
                 }
             }
@@ -179,7 +177,7 @@ impl<T: Real> Map<T> {
     }
 
     /// How many directions of the whole odometry and priors leave free, and how many numbers they give.
-    pub(crate) fn ties(&self, problem: &Problem<T>) -> (usize, usize) {
+    pub(crate) fn ties(&self, problem: &Problem) -> (usize, usize) {
         if problem.ties().is_empty() {
             return (4, 0);
         }
@@ -191,14 +189,14 @@ impl<T: Real> Map<T> {
     }
 
     /// The problem between what the map determines.
-    pub(super) fn restrict(&self, problem: &Problem<T>) -> Problem<T> {
+    pub(super) fn restrict(&self, problem: &Problem) -> Problem {
         let views: Vec<bool> = self.poses.iter().map(Option::is_some).collect();
         let landmarks: Vec<bool> = self.landmarks.iter().map(Option::is_some).collect();
         problem.restrict(&views, &landmarks)
     }
 
     /// Moves the map by a similarity.
-    pub fn transformed(&self, similarity: &Similarity2<T>) -> Self {
+    pub fn transformed(&self, similarity: &Similarity2<f64>) -> Self {
         Self {
             poses: self
                 .poses
@@ -222,13 +220,13 @@ impl<T: Real> Map<T> {
         let Some(first) = views.next() else {
             return self.clone();
         };
-        let (mut sum, mut count) = (T::zero(), T::zero());
+        let (mut sum, mut count) = (0.0, 0.0);
         for pose in views {
             sum += (pose.translation.vector - first.translation.vector).norm_squared();
-            count += T::one();
+            count += 1.0;
         }
         let scale = (count / sum).sqrt();
-        if !(scale > T::zero() && scale.is_finite()) {
+        if !(scale > 0.0 && scale.is_finite()) {
             return self.clone();
         }
         let home = first.inverse();
@@ -250,7 +248,7 @@ impl<T: Real> Map<T> {
     /// with the reason.
     ///
     /// Each needs as many numbers as it has: a bearing is one; odometry and priors count with theirs.
-    pub(crate) fn prune(&mut self, problem: &Problem<T>) -> Vec<Undetermined> {
+    pub(crate) fn prune(&mut self, problem: &Problem) -> Vec<Undetermined> {
         let ties = TiesOf::new(problem);
         loop {
             let mut dropped = false;
@@ -316,7 +314,7 @@ impl<T: Real> Map<T> {
     }
 
     /// How many determined landmarks a view sees.
-    pub(crate) fn connections_of_view(&self, problem: &Problem<T>, view: usize) -> usize {
+    pub(crate) fn connections_of_view(&self, problem: &Problem, view: usize) -> usize {
         problem
             .of_view(view)
             .iter()
@@ -325,7 +323,7 @@ impl<T: Real> Map<T> {
     }
 
     /// How many determined views see a landmark.
-    pub(crate) fn connections_of_landmark(&self, problem: &Problem<T>, landmark: usize) -> usize {
+    pub(crate) fn connections_of_landmark(&self, problem: &Problem, landmark: usize) -> usize {
         problem
             .of_landmark(landmark)
             .iter()
@@ -343,7 +341,7 @@ struct TiesOf {
 }
 
 impl TiesOf {
-    fn new<T: Real>(problem: &Problem<T>) -> Self {
+    fn new(problem: &Problem) -> Self {
         let mut found = Self {
             views: Vec::new(),
             landmarks: Vec::new(),
@@ -360,7 +358,7 @@ impl TiesOf {
                     found.views[*end].1.push(*start);
                 }
                 Tie::Pose { view, root, .. } => {
-                    found.views[*view].0 += (0..3).filter(|&k| root[k][k] > T::zero()).count();
+                    found.views[*view].0 += (0..3).filter(|&k| root[k][k] > 0.0).count();
                 }
                 Tie::Landmark { landmark, .. } => found.landmarks[*landmark] += 2,
             }
@@ -368,7 +366,7 @@ impl TiesOf {
         found
     }
 
-    fn numbers_of_view<T: Real>(&self, map: &Map<T>, view: usize) -> usize {
+    fn numbers_of_view(&self, map: &Map, view: usize) -> usize {
         let Some((known, others)) = self.views.get(view) else {
             return 0;
         };

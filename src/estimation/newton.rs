@@ -14,8 +14,9 @@ use super::descent::{Descent, Rest, System};
 use super::linearized::{centroid, spread};
 use super::problem::Problem;
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::lm::Termination;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Point2, UnitComplex, Vector2, Vector3};
@@ -39,7 +40,7 @@ const ATTEMPT: usize = 10;
 ///
 /// # Errors
 /// As [`Descent::run`].
-pub fn finish<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, Error> {
+pub fn finish(descent: &mut Descent<'_, '_>) -> Result<Termination, Error> {
     let limit = descent.options.max_iterations;
     let mut newton = Newton::new(descent.problem);
     loop {
@@ -70,7 +71,7 @@ pub fn finish<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, 
 }
 
 /// Whether a landmark is so near to an edge that the minimum may lie there.
-pub fn near_edge<T: Real>(descent: &Descent<'_, '_, T>) -> bool {
+pub fn near_edge(descent: &Descent<'_, '_>) -> bool {
     Newton::new(descent.problem).pauses(&descent.bundle, &descent.rows, descent.cost)
 }
 
@@ -84,12 +85,12 @@ enum Place {
 }
 
 /// An edge that is tried or kept.
-struct Edge<T: Real> {
+struct Edge {
     place: Place,
     /// How far off the landmark was, and the bundle and its cost then.
-    distance: T,
-    bundle: Bundle<T>,
-    cost: T,
+    distance: f64,
+    bundle: Bundle,
+    cost: f64,
 }
 
 /// Where the parameters of a landmark begin.
@@ -104,24 +105,24 @@ enum Column {
 }
 
 /// The second-order model of the cost in all parameters.
-struct Newton<'a, T: Real> {
-    problem: &'a Problem<T>,
-    edges: Vec<Edge<T>>,
+struct Newton<'a> {
+    problem: &'a Problem,
+    edges: Vec<Edge>,
     /// Edges that were not lower, and how far off the landmark was.
-    refused: Vec<(Place, T)>,
+    refused: Vec<(Place, f64)>,
     /// The edge to be tried next.
-    next: Option<(Place, T)>,
+    next: Option<(Place, f64)>,
     columns: Vec<Column>,
     /// Lower triangles, row by row: of Gauss-Newton, of Newton, and the factor.
-    normal: Vec<T>,
-    curved: Vec<T>,
-    factor: Vec<T>,
-    gradient: Vec<T>,
-    delta: Vec<T>,
+    normal: Vec<f64>,
+    curved: Vec<f64>,
+    factor: Vec<f64>,
+    gradient: Vec<f64>,
+    delta: Vec<f64>,
 }
 
-impl<'a, T: Real> Newton<'a, T> {
-    fn new(problem: &'a Problem<T>) -> Self {
+impl<'a> Newton<'a> {
+    fn new(problem: &'a Problem) -> Self {
         let mut newton = Self {
             problem,
             edges: Vec::new(),
@@ -156,7 +157,7 @@ impl<'a, T: Real> Newton<'a, T> {
             count += width;
         }
         self.gradient.clear();
-        self.gradient.resize(count, T::zero());
+        self.gradient.resize(count, 0.0);
     }
 
     fn landmark(&self, place: Place) -> usize {
@@ -167,7 +168,7 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// Puts a landmark on an edge.
-    fn enter(&mut self, place: Place, distance: T, descent: &mut Descent<'_, '_, T>) {
+    fn enter(&mut self, place: Place, distance: f64, descent: &mut Descent<'_, '_>) {
         let mut bundle = descent.bundle.clone();
         match place {
             Place::View(k) => {
@@ -177,7 +178,7 @@ impl<'a, T: Real> Newton<'a, T> {
             Place::Infinity(landmark) => {
                 let (middle, _) = middle(&bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon::<T>());
+                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon());
             }
         }
         let before = core::mem::replace(&mut descent.bundle, bundle);
@@ -192,7 +193,7 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// Goes back to where an edge was entered, and does not try it again soon.
-    fn leave(&mut self, wrong: usize, descent: &mut Descent<'_, '_, T>) {
+    fn leave(&mut self, wrong: usize, descent: &mut Descent<'_, '_>) {
         if let Some(edge) = self.edges.drain(wrong..).next() {
             self.refused.retain(|(place, _)| *place != edge.place);
             self.refused.push((edge.place, edge.distance));
@@ -203,7 +204,7 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// The edge, if any, that is not lower than the inside, or from which the cost falls inwards.
-    fn wrong_edge(&self, descent: &Descent<'_, '_, T>) -> Option<usize> {
+    fn wrong_edge(&self, descent: &Descent<'_, '_>) -> Option<usize> {
         if let Some(last) = self.edges.last()
             && descent.cost >= last.cost
         {
@@ -214,7 +215,7 @@ impl<'a, T: Real> Newton<'a, T> {
             .position(|edge| self.falls_inwards(edge.place, descent))
     }
 
-    fn falls_inwards(&self, place: Place, descent: &Descent<'_, '_, T>) -> bool {
+    fn falls_inwards(&self, place: Place, descent: &Descent<'_, '_>) -> bool {
         let bundle = &descent.bundle;
         let landmark = self.landmark(place);
         let seen = self.problem.of_landmark(landmark).iter();
@@ -222,14 +223,12 @@ impl<'a, T: Real> Newton<'a, T> {
             Place::View(k) => {
                 let ray = self.ray(bundle, k);
                 seen.map(|&k| &descent.rows.sightings[k])
-                    .fold(T::zero(), |sum, row| {
-                        sum + row.gradient.dot(&ray) * row.residual
-                    })
+                    .fold(0.0, |sum, row| sum + row.gradient.dot(&ray) * row.residual)
             }
             Place::Infinity(_) => {
                 let (middle, _) = middle(bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                seen.fold(T::zero(), |sum, &k| {
+                seen.fold(0.0, |sum, &k| {
                     let view = self.problem.sightings()[k].view;
                     let row = &descent.rows.sightings[k];
                     let offset = middle - bundle.poses[view].translation.vector;
@@ -237,21 +236,21 @@ impl<'a, T: Real> Newton<'a, T> {
                 })
             }
         };
-        slope < T::zero()
+        slope < 0.0
     }
 
     /// Direction of a measured bearing in the map.
-    fn ray(&self, bundle: &Bundle<T>, sighting: usize) -> Vector2<T> {
+    fn ray(&self, bundle: &Bundle, sighting: usize) -> Vector2<f64> {
         let s = &self.problem.sightings()[sighting];
         let ray = bundle.poses[s.view].rotation.into_inner() * s.bearing.into_inner();
         Vector2::new(ray.re, ray.im)
     }
 
     /// Moves each landmark that stands on a view off it by next to nothing, at its measured bearing.
-    fn step_inside(&self, descent: &mut Descent<'_, '_, T>) {
+    fn step_inside(&self, descent: &mut Descent<'_, '_>) {
         for edge in &self.edges {
             if let Place::View(k) = edge.place {
-                let step = self.ray(&descent.bundle, k) * (T::eps().sqrt() * T::lit(0.1));
+                let step = self.ray(&descent.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
                 descent.bundle.landmarks[self.landmark(edge.place)] += step;
             }
         }
@@ -261,26 +260,26 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// Forms the matrices and the gradient.
-    fn assemble(&mut self, bundle: &Bundle<T>, rows: &[Row<T>]) {
+    fn assemble(&mut self, bundle: &Bundle, rows: &[Row]) {
         let size = self.gradient.len();
         for matrix in [&mut self.normal, &mut self.curved] {
-            matrix.resize(size * size, T::zero());
+            matrix.resize(size * size, 0.0);
             for i in 0..size {
-                matrix[i * size..=i * size + i].fill(T::zero());
+                matrix[i * size..=i * size + i].fill(0.0);
             }
         }
-        self.gradient.fill(T::zero());
+        self.gradient.fill(0.0);
         for (s, row) in self.problem.sightings().iter().zip(rows) {
             let p = 3 * s.view;
-            let [gx, gy]: [T; 2] = row.gradient.into();
+            let [gx, gy]: [f64; 2] = row.gradient.into();
             // Second derivatives by the landmark; by the position the same, by both the negative.
             let bend = row.residual / row.weight;
-            let cross = bend * T::lit(-2.0) * gx * gy;
+            let cross = bend * -2.0 * gx * gy;
             let square = bend * (gx * gx - gy * gy);
             let (x, last, width) = match self.columns[s.landmark] {
                 Column::View(place) if place == p => continue,
                 Column::View(place) | Column::Point(place) => (place, [gx, gy], 5),
-                Column::Direction(place) => (place, [row.weight, T::zero()], 4),
+                Column::Direction(place) => (place, [row.weight, 0.0], 4),
             };
             let places = [p, p + 1, p + 2, x, x + 1];
             let derivative = [-gx, -gy, -row.weight, last[0], last[1]];
@@ -303,10 +302,10 @@ impl<'a, T: Real> Newton<'a, T> {
                 }
             }
         }
-        let trace = (0..size).fold(T::zero(), |sum, k| sum + self.normal[k * size + k]);
+        let trace = (0..size).fold(0.0, |sum, k| sum + self.normal[k * size + k]);
         for direction in self.gauge(bundle) {
-            let square = direction.iter().fold(T::zero(), |sum, d| sum + *d * *d);
-            let stiffness = trace / (T::lit(size as f64) * square);
+            let square = direction.iter().fold(0.0, |sum, d| sum + *d * *d);
+            let stiffness = trace / ((size as f64) * square);
             for i in 0..size {
                 for j in 0..=i {
                     self.normal[i * size + j] += direction[i] * direction[j] * stiffness;
@@ -322,11 +321,11 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// Translations, rotation and scaling of all that is free.
-    fn gauge(&self, bundle: &Bundle<T>) -> [Vec<T>; 4] {
-        let mut directions = [(); 4].map(|()| vec![T::zero(); self.gradient.len()]);
-        let mut add = |place: usize, position: &Vector2<T>| {
-            directions[0][place] = T::one();
-            directions[1][place + 1] = T::one();
+    fn gauge(&self, bundle: &Bundle) -> [Vec<f64>; 4] {
+        let mut directions = [(); 4].map(|()| vec![0.0; self.gradient.len()]);
+        let mut add = |place: usize, position: &Vector2<f64>| {
+            directions[0][place] = 1.0;
+            directions[1][place + 1] = 1.0;
             directions[2][place] = -position.y;
             directions[2][place + 1] = position.x;
             directions[3][place] = position.x;
@@ -341,21 +340,21 @@ impl<'a, T: Real> Newton<'a, T> {
             }
         }
         for view in 0..bundle.poses.len() {
-            directions[2][3 * view + 2] = T::one();
+            directions[2][3 * view + 2] = 1.0;
         }
         for column in &self.columns {
             if let Column::Direction(place) = *column {
-                directions[2][place] = T::one();
+                directions[2][place] = 1.0;
             }
         }
         directions
     }
 
     /// Solves with one of the matrices, damped; the fall of the cost that it predicts.
-    fn solve(&mut self, damping: T, curved: bool) -> Option<T> {
+    fn solve(&mut self, damping: f64, curved: bool) -> Option<f64> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
-        self.factor.resize(size * size, T::zero());
+        self.factor.resize(size * size, 0.0);
         for i in 0..size {
             let row = i * size..=i * size + i;
             self.factor[row.clone()].copy_from_slice(&matrix[row]);
@@ -369,16 +368,16 @@ impl<'a, T: Real> Newton<'a, T> {
         self.delta.clear();
         self.delta.extend(self.gradient.iter().map(|g| -*g));
         cholesky::solve(&self.factor, &mut self.delta);
-        let mut predicted = T::zero();
+        let mut predicted = 0.0;
         for (k, (&d, &g)) in self.delta.iter().zip(&self.gradient).enumerate() {
             predicted += d * (damping * self.normal[k * size + k] * d - g);
         }
-        let predicted = predicted * T::lit(0.5);
+        let predicted = predicted * 0.5;
         predicted.is_finite().then_some(predicted)
     }
 
     /// The bundle after the step that has been solved for.
-    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle) {
         let delta = &self.delta;
         let pair = |place: usize| Vector2::new(delta[place], delta[place + 1]);
         let poses: Vec<_> = (0..bundle.poses.len())
@@ -399,29 +398,29 @@ impl<'a, T: Real> Newton<'a, T> {
     }
 
     /// Whether an edge may be tried from so far off.
-    fn open(&self, place: Place, distance: T) -> bool {
+    fn open(&self, place: Place, distance: f64) -> bool {
         self.refused
             .iter()
             .find(|(other, _)| *other == place)
-            .is_none_or(|(_, then)| distance < *then * T::lit(CLOSER))
+            .is_none_or(|(_, then)| distance < *then * CLOSER)
     }
 }
 
 /// The middle of the views and their root mean square distance from it.
-fn middle<T: Real>(bundle: &Bundle<T>) -> (Vector2<T>, T) {
+fn middle(bundle: &Bundle) -> (Vector2<f64>, f64) {
     let views: Vec<_> = bundle.poses.iter().map(|p| p.translation.vector).collect();
-    let size = (spread(&views) / T::lit(views.len() as f64)).sqrt();
+    let size = (spread(&views) / (views.len() as f64)).sqrt();
     (centroid(&views), size)
 }
 
-impl<T: Real> System<T> for Newton<'_, T> {
+impl System for Newton<'_> {
     fn step(
         &mut self,
-        bundle: &Bundle<T>,
-        rows: &Rows<T>,
-        damping: T,
-        result: &mut Bundle<T>,
-    ) -> Option<T> {
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64> {
         self.assemble(bundle, &rows.sightings);
         let predicted = self
             .solve(damping, true)
@@ -438,7 +437,7 @@ impl<T: Real> System<T> for Newton<'_, T> {
         true
     }
 
-    fn pauses(&mut self, bundle: &Bundle<T>, rows: &Rows<T>, cost: T) -> bool {
+    fn pauses(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
         // A line of sight goes on behind its view and beyond infinity: there is no edge.
         if !self.problem.is_oriented() {
             return false;
@@ -451,7 +450,7 @@ impl<T: Real> System<T> for Newton<'_, T> {
         let range = |k: usize| rows[k].weight / rows[k].gradient.norm();
         for landmark in (0..self.columns.len()).filter(|&landmark| self.settles(landmark)) {
             let seen = self.problem.of_landmark(landmark);
-            let unseen = T::one() / T::zero();
+            let unseen = 1.0 / 0.0;
             let (mut nearest, mut next) = ((unseen, 0), unseen);
             for &k in seen {
                 let range = range(k);
@@ -464,14 +463,14 @@ impl<T: Real> System<T> for Newton<'_, T> {
             }
             let distance = nearest.0 / next;
             let place = Place::View(nearest.1);
-            if distance < T::lit(TOUCHING) && self.open(place, distance) {
+            if distance < TOUCHING && self.open(place, distance) {
                 self.next = Some((place, distance));
                 return true;
             }
             let away = (bundle.landmarks[landmark].coords - middle).norm();
             let distance = size / away;
             let place = Place::Infinity(landmark);
-            if distance < T::lit(1.0 / FAR) && self.open(place, distance) {
+            if distance < (1.0 / FAR) && self.open(place, distance) {
                 self.next = Some((place, distance));
                 return true;
             }
@@ -487,8 +486,8 @@ mod tests {
     use crate::geometry::pose;
 
     /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
-    fn setting(problem: &Problem<f64>) -> (Bundle<f64>, Newton<'_, f64>) {
-        let far = horizon::<f64>();
+    fn setting(problem: &Problem) -> (Bundle, Newton<'_>) {
+        let far = horizon();
         let bundle = Bundle {
             poses: [(0.1, 0.2, 0.3), (2.0, -1.0, 2.5), (-0.7, 0.9, -1.1)]
                 .map(|(x, y, theta)| pose(x, y, theta))
@@ -519,7 +518,7 @@ mod tests {
         let problem = Problem::dense(3, 3, &bearings, 0.5).unwrap();
         let (bundle, mut newton) = setting(&problem);
         let mut rows = Rows::of(&problem);
-        let gradient = |newton: &mut Newton<'_, f64>, bundle: &Bundle<f64>| {
+        let gradient = |newton: &mut Newton<'_>, bundle: &Bundle| {
             let mut rows = Rows::of(&problem);
             bundle.linearize(&problem, Loss::Squared, &mut rows);
             newton.assemble(bundle, &rows.sightings);

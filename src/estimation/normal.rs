@@ -28,9 +28,9 @@ struct Column {
     height: usize,
 }
 
-/// The matrix `J^T J` and the gradient `J^T r`.
-pub struct Normal<'a, T: Real> {
-    problem: &'a Problem<T>,
+/// The matrix `J^f64 J` and the gradient `J^T r`.
+pub struct Normal<'a> {
+    problem: &'a Problem,
     /// Of views, then of landmarks.
     columns: Vec<Column>,
     /// For each sighting, and each tie of two views, how far down its column its block is.
@@ -47,9 +47,9 @@ pub struct Normal<'a, T: Real> {
     known: Vec<bool>,
 }
 
-impl<'a, T: Real> Normal<'a, T> {
+impl<'a> Normal<'a> {
     /// The pattern of a problem; `None` when there is not enough memory.
-    pub fn new(problem: &'a Problem<T>) -> Option<Self> {
+    pub fn new(problem: &'a Problem) -> Option<Self> {
         let (views, landmarks) = (problem.views(), problem.landmarks());
         // For each view the later views that a motion ties to it.
         let mut partners = vec![Vec::new(); views];
@@ -135,7 +135,7 @@ impl<'a, T: Real> Normal<'a, T> {
     }
 
     /// Forms matrix and gradient, and holds the given directions.
-    pub fn assemble(&mut self, rows: &Rows<T>, free: &[Vec<f64>]) {
+    pub fn assemble(&mut self, rows: &Rows, free: &[Vec<f64>]) {
         self.values.fill(0.0);
         self.gradient.fill(0.0);
         for (k, (s, row)) in self
@@ -153,10 +153,10 @@ impl<'a, T: Real> Normal<'a, T> {
         self.anchors = anchors(free, |parameter| self.diagonal(parameter));
     }
 
-    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &Row<T>) {
-        let pose = row.pose().map(T::as_f64);
-        let point = row.landmark().map(T::as_f64);
-        let residual = row.residual.as_f64();
+    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &Row) {
+        let pose = row.pose().map(f64::as_f64);
+        let point = row.landmark().map(f64::as_f64);
+        let residual = row.residual;
         let column = self.columns[view];
         for c in 0..3 {
             let values = &mut self.values[column.start + c * column.height..][..column.height];
@@ -177,12 +177,12 @@ impl<'a, T: Real> Normal<'a, T> {
         }
     }
 
-    fn add_tie(&mut self, k: usize, row: &TieRow<T>) {
-        let residual = row.residual.map(T::as_f64);
+    fn add_tie(&mut self, k: usize, row: &TieRow) {
+        let residual = row.residual.map(f64::as_f64);
         let ends = [Some(row.first), row.second];
         for (subject, jacobian) in ends.iter().flatten() {
             let column = self.column(*subject);
-            let jacobian = jacobian.map(|row| row.map(T::as_f64));
+            let jacobian = jacobian.map(|row| row.map(f64::as_f64));
             for c in 0..column.width {
                 for r in c..column.width {
                     let product: f64 = (0..3).map(|i| jacobian[i][c] * jacobian[i][r]).sum();
@@ -202,10 +202,9 @@ impl<'a, T: Real> Normal<'a, T> {
             let column = self.column(early.0);
             for c in 0..3 {
                 for r in 0..3 {
-                    let product =
-                        (0..3).fold(T::zero(), |sum, i| sum + early.1[i][c] * late.1[i][r]);
+                    let product = (0..3).fold(0.0, |sum, i| sum + early.1[i][c] * late.1[i][r]);
                     let place = column.start + c * column.height + self.tie_row[k] + r;
-                    self.values[place] += product.as_f64();
+                    self.values[place] += product;
                 }
             }
         }
@@ -256,15 +255,15 @@ impl<'a, T: Real> Normal<'a, T> {
     }
 }
 
-impl<T: Real> System<T> for Normal<'_, T> {
+impl System for Normal<'_> {
     fn step(
         &mut self,
-        bundle: &Bundle<T>,
-        rows: &Rows<T>,
-        damping: T,
-        result: &mut Bundle<T>,
-    ) -> Option<T> {
-        let damping = damping.as_f64();
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64> {
+        let damping = damping;
         self.assemble(rows, &free_directions(self.problem, bundle));
         if !self.factorize(damping) {
             return None;
@@ -283,15 +282,15 @@ impl<T: Real> System<T> for Normal<'_, T> {
         let (poses, landmarks) = delta.split_at(3 * bundle.poses.len());
         let poses: Vec<_> = poses
             .chunks_exact(3)
-            .map(|step| Vector3::new(step[0], step[1], step[2]).map(T::lit))
+            .map(|step| Vector3::new(step[0], step[1], step[2]).map(f64::lit))
             .collect();
         let landmarks: Vec<_> = landmarks
             .chunks_exact(2)
-            .map(|step| Vector2::new(step[0], step[1]).map(T::lit))
+            .map(|step| Vector2::new(step[0], step[1]).map(f64::lit))
             .collect();
         bundle.step(&poses, &landmarks, result);
         self.delta = delta;
-        predicted.is_finite().then(|| T::lit(predicted * 0.5))
+        predicted.is_finite().then(|| predicted * 0.5)
     }
 
     fn settles(&self, landmark: usize) -> bool {

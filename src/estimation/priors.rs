@@ -4,8 +4,9 @@
 use super::bundle::Bundle;
 use super::map::Subject;
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::{Pose, signed_angle};
-use crate::scalar::Real;
 use nalgebra::{Point2, Vector2};
 
 /// The measured motion from one view to another: the pose of `end` in the frame of `start`.
@@ -13,78 +14,78 @@ use nalgebra::{Point2, Vector2};
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, section 2.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Odometry<T: Real> {
+pub struct Odometry {
     /// Index of the view at the start.
     pub start: usize,
     /// Index of the view at the end.
     pub end: usize,
     /// Pose of the view at the end in the frame of that at the start.
-    pub delta: Pose<T>,
+    pub delta: Pose<f64>,
     /// How well it is known: x and y in the frame of the end, heading \[rad\].
-    pub noise: Noise<T, 3>,
+    pub noise: Noise<3>,
 }
 
 /// A pose that is known beforehand, in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PosePrior<T: Real> {
+pub struct PosePrior {
     /// Index of the view.
     pub view: usize,
     /// Its pose.
-    pub pose: Pose<T>,
+    pub pose: Pose<f64>,
     /// How well it is known: x and y in the map frame, heading \[rad\]. An infinite standard deviation
     /// is for what is not known: a compass gives the heading only.
-    pub noise: Noise<T, 3>,
+    pub noise: Noise<3>,
 }
 
 /// A landmark whose position is known beforehand: a beacon, a survey point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LandmarkPrior<T: Real> {
+pub struct LandmarkPrior {
     /// Index of the landmark.
     pub landmark: usize,
     /// Its position in the map frame.
-    pub position: Point2<T>,
+    pub position: Point2<f64>,
     /// How well it is known, in the map frame.
-    pub noise: Noise<T, 2>,
+    pub noise: Noise<2>,
 }
 
 /// The uncertainty of several numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise<T: Real, const N: usize> {
+pub enum Noise<const N: usize> {
     /// Independent standard deviations, above zero.
-    Sigmas([T; N]),
+    Sigmas([f64; N]),
     /// A covariance, symmetric and positive definite.
-    Covariance([[T; N]; N]),
+    Covariance([[f64; N]; N]),
 }
 
 /// Largest difference of two entries of a covariance that should be the same, over the largest entry:
 /// files give six digits or more.
 const ASYMMETRY: f64 = 1e-5;
 
-impl<T: Real, const N: usize> Noise<T, N> {
+impl<const N: usize> Noise<N> {
     /// The root of the information: a lower triangle `W` with `W^T W` the inverse of the covariance.
     ///
     /// # Errors
     /// [`Error::NotPositive`] for a standard deviation or a pivot of the covariance that is not positive,
     /// or whose inverse square is not a number; [`Error::NotFinite`] for a covariance that is not;
     /// [`Error::NotSymmetric`].
-    pub(super) fn root(&self, what: &'static str, index: usize) -> Result<[[T; N]; N], Error> {
-        let refuse = |value: T| Error::NotPositive {
+    pub(super) fn root(&self, what: &'static str, index: usize) -> Result<[[f64; N]; N], Error> {
+        let refuse = |value: f64| Error::NotPositive {
             what,
             index,
-            value: value.as_f64(),
+            value: value,
         };
         // Its square must be a number as well, or the cost is none.
-        let usable = |weight: T| {
+        let usable = |weight: f64| {
             let square = weight * weight;
-            square > T::zero() && square.is_finite()
+            square > 0.0 && square.is_finite()
         };
-        let mut root = [[T::zero(); N]; N];
+        let mut root = [[0.0; N]; N];
         match self {
             Self::Sigmas(sigmas) => {
                 for (k, &sigma) in sigmas.iter().enumerate() {
-                    let weight = T::one() / sigma;
-                    let unknown = sigma == T::one() / T::zero();
-                    if !(sigma > T::zero() && (unknown || usable(weight))) {
+                    let weight = 1.0 / sigma;
+                    let unknown = sigma == 1.0 / 0.0;
+                    if !(sigma > 0.0 && (unknown || usable(weight))) {
                         return Err(refuse(sigma));
                     }
                     root[k][k] = weight;
@@ -95,12 +96,12 @@ impl<T: Real, const N: usize> Noise<T, N> {
                 if entries.iter().any(|entry| !entry.is_finite()) {
                     return Err(Error::NotFinite { what, index });
                 }
-                let size = entries.iter().fold(T::zero(), |size, e| size.max(e.abs()));
+                let size = entries.iter().fold(0.0_f64, |size, e| size.max(e.abs()));
                 // The Cholesky factor L, and its inverse row by row.
-                let mut factor = [[T::zero(); N]; N];
+                let mut factor = [[0.0; N]; N];
                 for i in 0..N {
                     for j in 0..=i {
-                        if (covariance[i][j] - covariance[j][i]).abs() > size * T::lit(ASYMMETRY) {
+                        if (covariance[i][j] - covariance[j][i]).abs() > size * ASYMMETRY {
                             return Err(Error::NotSymmetric { what, index });
                         }
                         let mut sum = covariance[i][j];
@@ -109,14 +110,14 @@ impl<T: Real, const N: usize> Noise<T, N> {
                         }
                         if i > j {
                             factor[i][j] = sum / factor[j][j];
-                        } else if sum > T::zero() && usable(T::one() / sum.sqrt()) {
+                        } else if sum > 0.0 && usable(1.0 / sum.sqrt()) {
                             factor[i][i] = sum.sqrt();
                         } else {
                             return Err(refuse(sum));
                         }
                     }
                     for j in 0..=i {
-                        let mut sum = if i == j { T::one() } else { T::zero() };
+                        let mut sum = if i == j { 1.0 } else { 0.0 };
                         for k in j..i {
                             sum -= factor[i][k] * root[k][j];
                         }
@@ -131,22 +132,22 @@ impl<T: Real, const N: usize> Noise<T, N> {
 
 /// Something known of one or two subjects, as the problem keeps it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Tie<T: Real> {
+pub(crate) enum Tie {
     Motion {
         start: usize,
         end: usize,
-        delta: Pose<T>,
-        root: [[T; 3]; 3],
+        delta: Pose<f64>,
+        root: [[f64; 3]; 3],
     },
     Pose {
         view: usize,
-        pose: Pose<T>,
-        root: [[T; 3]; 3],
+        pose: Pose<f64>,
+        root: [[f64; 3]; 3],
     },
     Landmark {
         landmark: usize,
-        position: Point2<T>,
-        root: [[T; 2]; 2],
+        position: Point2<f64>,
+        root: [[f64; 2]; 2],
     },
 }
 
@@ -154,14 +155,14 @@ pub(crate) enum Tie<T: Real> {
 ///
 /// For a landmark the third row and column are zero.
 #[derive(Clone, Copy, Debug)]
-pub struct TieRow<T: Real> {
+pub struct TieRow {
     /// The subjects, and the derivatives of the residuals with respect to their parameters.
-    pub first: (Subject, [[T; 3]; 3]),
-    pub second: Option<(Subject, [[T; 3]; 3])>,
-    pub residual: [T; 3],
+    pub first: (Subject, [[f64; 3]; 3]),
+    pub second: Option<(Subject, [[f64; 3]; 3])>,
+    pub residual: [f64; 3],
 }
 
-impl<T: Real> Tie<T> {
+impl Tie {
     /// The subjects that it holds.
     pub(crate) fn subjects(&self) -> [Option<Subject>; 2] {
         match *self {
@@ -178,16 +179,16 @@ impl<T: Real> Tie<T> {
         &self,
         view: impl Fn(usize) -> usize,
         landmark: impl Fn(usize) -> usize,
-        factor: T,
+        factor: f64,
     ) -> Self {
-        let stretched = |pose: &Pose<T>| {
+        let stretched = |pose: &Pose<f64>| {
             let mut pose = *pose;
             pose.translation.vector *= factor;
             pose
         };
         // Weights of lengths go the other way; the third column belongs to the heading.
         let looser =
-            |root: &[[T; 3]; 3]| root.map(|[x, y, heading]| [x / factor, y / factor, heading]);
+            |root: &[[f64; 3]; 3]| root.map(|[x, y, heading]| [x / factor, y / factor, heading]);
         match self {
             Self::Motion {
                 start,
@@ -224,8 +225,8 @@ impl<T: Real> Tie<T> {
     /// Linearises at a bundle, (T25).
     ///
     /// Odometry: `e = Z^-1 (P_i^-1 P_j)` as `(x, y, theta)`. Priors: estimate less prior in the map frame.
-    pub(super) fn linearize(&self, bundle: &Bundle<T>) -> TieRow<T> {
-        let (zero, one) = (T::zero(), T::one());
+    pub(super) fn linearize(&self, bundle: &Bundle) -> TieRow {
+        let (zero, one) = (0.0, 1.0);
         match self {
             Self::Motion {
                 start,
@@ -283,33 +284,33 @@ impl<T: Real> Tie<T> {
     }
 }
 
-impl<T: Real> TieRow<T> {
+impl TieRow {
     /// Sum of squared residuals.
-    pub fn square(&self) -> T {
-        self.residual.iter().fold(T::zero(), |sum, r| sum + *r * *r)
+    pub fn square(&self) -> f64 {
+        self.residual.iter().fold(0.0, |sum, r| sum + *r * *r)
     }
 
     /// Residuals that count: those with a derivative.
     pub fn count(&self) -> usize {
-        let weighs = |row: &&[T; 3]| row.iter().any(|entry| *entry != T::zero());
+        let weighs = |row: &&[f64; 3]| row.iter().any(|entry| *entry != 0.0);
         self.first.1.iter().filter(weighs).count()
     }
 }
 
-fn product<T: Real>(a: &[[T; 3]; 3], b: &[[T; 3]; 3]) -> [[T; 3]; 3] {
+fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     core::array::from_fn(|i| {
-        core::array::from_fn(|j| (0..3).fold(T::zero(), |sum, k| sum + a[i][k] * b[k][j]))
+        core::array::from_fn(|j| (0..3).fold(0.0, |sum, k| sum + a[i][k] * b[k][j]))
     })
 }
 
 /// The product of a root of information with a residual; what has no weight adds nothing, even if it is
 /// infinite.
-fn whitened<T: Real>(root: &[[T; 3]; 3], residual: [T; 3]) -> [T; 3] {
+fn whitened(root: &[[f64; 3]; 3], residual: [f64; 3]) -> [f64; 3] {
     root.map(|row| {
         row.iter()
             .zip(residual)
-            .filter(|(weight, _)| **weight != T::zero())
-            .fold(T::zero(), |sum, (weight, r)| sum + *weight * r)
+            .filter(|(weight, _)| **weight != 0.0)
+            .fold(0.0, |sum, (weight, r)| sum + *weight * r)
     })
 }
 

@@ -5,7 +5,6 @@ use super::map::Subject;
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Tie};
 use crate::error::Error;
 use crate::geometry::{Bearing, Pose, signed_angle};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -13,36 +12,36 @@ use nalgebra::Point2;
 
 /// One bearing from a view to a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting<T: Real> {
+pub struct Sighting {
     /// Index of the view.
     pub view: usize,
     /// Index of the landmark.
     pub landmark: usize,
     /// Angle from the heading of the view, counter-clockwise \[rad\].
-    pub bearing: T,
+    pub bearing: f64,
     /// Standard deviation of the bearing \[rad\]; 1 where only the relative weight matters.
-    pub sigma: T,
+    pub sigma: f64,
 }
 
 /// A sighting as the problem keeps it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen<T: Real> {
+pub struct Seen {
     /// Index of the view.
     pub view: usize,
     /// Index of the landmark.
     pub landmark: usize,
     /// The bearing as a unit vector.
-    pub bearing: Bearing<T>,
+    pub bearing: Bearing<f64>,
     /// One over the standard deviation.
-    pub weight: T,
+    pub weight: f64,
 }
 
 /// All that is known, checked once: sightings, sorted by view and then landmark, and what odometry and
 /// priors add to them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Problem<T: Real> {
+pub struct Problem {
     landmarks: usize,
-    sightings: Vec<Seen<T>>,
+    sightings: Vec<Seen>,
     /// Where each view begins in `sightings`, and the end.
     view_start: Vec<usize>,
     /// Indices into `sightings`, landmark by landmark.
@@ -53,17 +52,17 @@ pub struct Problem<T: Real> {
     /// Whether a bearing is a ray; a line otherwise.
     oriented: bool,
     /// Odometry and priors.
-    ties: Vec<Tie<T>>,
+    ties: Vec<Tie>,
 }
 
-impl<T: Real> Problem<T> {
+impl Problem {
     /// A problem from a list of sightings, in any order.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`] and
     /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
     /// twice.
-    pub fn new(views: usize, landmarks: usize, sightings: &[Sighting<T>]) -> Result<Self, Error> {
+    pub fn new(views: usize, landmarks: usize, sightings: &[Sighting]) -> Result<Self, Error> {
         for (index, s) in sightings.iter().enumerate() {
             for (what, value, bound) in
                 [("view", s.view, views), ("landmark", s.landmark, landmarks)]
@@ -82,14 +81,14 @@ impl<T: Real> Problem<T> {
                     return Err(Error::NotFinite { what, index });
                 }
             }
-            let weight = T::one() / s.sigma;
+            let weight = 1.0 / s.sigma;
             let square = weight * weight;
             // Its square must be a number as well, or the cost is none.
-            if !(s.sigma > T::zero() && square > T::zero() && square.is_finite()) {
+            if !(s.sigma > 0.0 && square > 0.0 && square.is_finite()) {
                 return Err(Error::NotPositive {
                     what: "sigma",
                     index,
-                    value: s.sigma.as_f64(),
+                    value: s.sigma,
                 });
             }
         }
@@ -114,7 +113,7 @@ impl<T: Real> Problem<T> {
                     view: s.view,
                     landmark: s.landmark,
                     bearing: Bearing::new(s.bearing),
-                    weight: T::one() / s.sigma,
+                    weight: 1.0 / s.sigma,
                 }
             })
             .collect();
@@ -127,7 +126,12 @@ impl<T: Real> Problem<T> {
     /// # Errors
     /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
     /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
-    pub fn dense(views: usize, landmarks: usize, bearings: &[T], sigma: T) -> Result<Self, Error> {
+    pub fn dense(
+        views: usize,
+        landmarks: usize,
+        bearings: &[f64],
+        sigma: f64,
+    ) -> Result<Self, Error> {
         if views.checked_mul(landmarks) != Some(bearings.len()) {
             return Err(Error::LengthMismatch {
                 what: "bearings",
@@ -163,7 +167,7 @@ impl<T: Real> Problem<T> {
     /// [`Error::OutOfRange`] for a view beyond those of the problem, [`Error::SameView`] for a motion from a
     /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for
     /// bad numbers.
-    pub fn with_odometry(mut self, odometry: &[Odometry<T>]) -> Result<Self, Error> {
+    pub fn with_odometry(mut self, odometry: &[Odometry]) -> Result<Self, Error> {
         for (index, motion) in odometry.iter().enumerate() {
             let &Odometry { start, end, .. } = motion;
             check_index("odometry: start", index, start, self.views())?;
@@ -174,7 +178,7 @@ impl<T: Real> Problem<T> {
             check_pose("odometry: delta", index, &motion.delta)?;
             let root = motion.noise.root("odometry: sigma", index)?;
             // A motion of which a part is unknown ties no frame to another.
-            if (0..3).any(|k| root[k][k] <= T::zero()) {
+            if (0..3).any(|k| root[k][k] <= 0.0) {
                 return Err(Error::NotFinite {
                     what: "odometry: sigma",
                     index,
@@ -194,7 +198,7 @@ impl<T: Real> Problem<T> {
     ///
     /// # Errors
     /// As [`Problem::with_odometry`].
-    pub fn with_pose_priors(mut self, priors: &[PosePrior<T>]) -> Result<Self, Error> {
+    pub fn with_pose_priors(mut self, priors: &[PosePrior]) -> Result<Self, Error> {
         for (index, prior) in priors.iter().enumerate() {
             check_index("pose priors: view", index, prior.view, self.views())?;
             check_pose("pose priors: pose", index, &prior.pose)?;
@@ -211,7 +215,7 @@ impl<T: Real> Problem<T> {
     ///
     /// # Errors
     /// As [`Problem::with_odometry`].
-    pub fn with_landmark_priors(mut self, priors: &[LandmarkPrior<T>]) -> Result<Self, Error> {
+    pub fn with_landmark_priors(mut self, priors: &[LandmarkPrior]) -> Result<Self, Error> {
         for (index, prior) in priors.iter().enumerate() {
             let &LandmarkPrior {
                 landmark, position, ..
@@ -233,7 +237,7 @@ impl<T: Real> Problem<T> {
     }
 
     /// Builds the index over sightings that are sorted by view and landmark.
-    fn index(views: usize, landmarks: usize, sightings: Vec<Seen<T>>, input: Vec<usize>) -> Self {
+    fn index(views: usize, landmarks: usize, sightings: Vec<Seen>, input: Vec<usize>) -> Self {
         let mut view_start = vec![0; views + 1];
         let mut landmark_start = vec![0; landmarks + 1];
         for s in &sightings {
@@ -291,12 +295,12 @@ impl<T: Real> Problem<T> {
     }
 
     /// Odometry and priors.
-    pub(crate) fn ties(&self) -> &[Tie<T>] {
+    pub(crate) fn ties(&self) -> &[Tie] {
         &self.ties
     }
 
     /// All sightings, sorted by view and then landmark.
-    pub fn sightings(&self) -> &[Seen<T>] {
+    pub fn sightings(&self) -> &[Seen] {
         &self.sightings
     }
 
@@ -309,10 +313,10 @@ impl<T: Real> Problem<T> {
     /// The bearing residual of a sighting \[rad\]: predicted less measured, in (-pi, pi]; of lines in
     /// (-pi/2, pi/2].
     #[inline]
-    pub(crate) fn residual(&self, pose: &Pose<T>, point: &Point2<T>, s: &Seen<T>) -> T {
+    pub(crate) fn residual(&self, pose: &Pose<f64>, point: &Point2<f64>, s: &Seen) -> f64 {
         let seen = pose.inverse_transform_point(point);
         let turned = s.bearing.inverse_transform_vector(&seen.coords);
-        if self.oriented || turned.x >= T::zero() {
+        if self.oriented || turned.x >= 0.0 {
             signed_angle(turned.x, turned.y)
         } else {
             signed_angle(-turned.x, -turned.y)
@@ -320,7 +324,7 @@ impl<T: Real> Problem<T> {
     }
 
     /// What a view sees.
-    pub fn of_view(&self, view: usize) -> &[Seen<T>] {
+    pub fn of_view(&self, view: usize) -> &[Seen] {
         &self.sightings[self.range_of_view(view)]
     }
 
@@ -344,7 +348,7 @@ impl<T: Real> Problem<T> {
     /// the input; views and landmarks keep their numbers.
     pub(crate) fn subset(&self, keep: &[bool]) -> Self {
         let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
-        let sightings: Vec<Seen<T>> = kept.map(|(seen, _)| *seen).collect();
+        let sightings: Vec<Seen> = kept.map(|(seen, _)| *seen).collect();
         let input = (0..sightings.len()).collect();
         Self {
             oriented: self.oriented,
@@ -381,7 +385,7 @@ impl<T: Real> Problem<T> {
                 input.push(k);
             }
         }
-        let kept = |tie: &&Tie<T>| {
+        let kept = |tie: &&Tie| {
             tie.subjects()
                 .iter()
                 .flatten()
@@ -391,7 +395,7 @@ impl<T: Real> Problem<T> {
                 })
         };
         let ties = self.ties.iter().filter(kept);
-        let ties = ties.map(|tie| tie.moved(|v| view_number[v], |l| landmark_number[l], T::one()));
+        let ties = ties.map(|tie| tie.moved(|v| view_number[v], |l| landmark_number[l], 1.0));
         Self {
             oriented: self.oriented,
             ties: ties.collect(),
@@ -400,7 +404,7 @@ impl<T: Real> Problem<T> {
     }
 
     /// The same problem in another unit of length; bearings know none.
-    pub(super) fn scaled(&self, factor: T) -> Self {
+    pub(super) fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
         for tie in &mut scaled.ties {
             *tie = tie.moved(|view| view, |landmark| landmark, factor);
@@ -421,7 +425,7 @@ fn check_index(what: &'static str, index: usize, value: usize, bound: usize) -> 
     })
 }
 
-fn check_pose<T: Real>(what: &'static str, index: usize, pose: &Pose<T>) -> Result<(), Error> {
+fn check_pose(what: &'static str, index: usize, pose: &Pose<f64>) -> Result<(), Error> {
     let place = pose.translation.vector.norm_squared();
     if (place + pose.rotation.norm_sqr()).is_finite() {
         return Ok(());
@@ -430,6 +434,6 @@ fn check_pose<T: Real>(what: &'static str, index: usize, pose: &Pose<T>) -> Resu
 }
 
 #[inline]
-pub(super) fn is_nan<T: Real>(value: T) -> bool {
+pub(super) fn is_nan(value: f64) -> bool {
     value.partial_cmp(&value).is_none()
 }

@@ -11,15 +11,14 @@ use super::problem::Problem;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
 use crate::lm::{Loss, RefineOptions, Termination};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report<T: Real> {
+pub struct Report {
     /// Half the sum of the losses of residuals over sigma and of the squares of odometry and priors.
-    pub cost: T,
+    pub cost: f64,
     /// How it ended.
     pub termination: Termination,
     /// Linear systems solved.
@@ -27,7 +26,7 @@ pub struct Report<T: Real> {
     /// Views and landmarks that had no start or too few sightings, and why.
     pub undetermined: Vec<Undetermined>,
     /// How residuals have counted.
-    pub loss: Loss<T>,
+    pub loss: Loss,
 }
 
 /// Called once per iteration with the number of iterations and the cost; `false` stops the work.
@@ -48,12 +47,12 @@ pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
 /// # Reference
 /// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
 /// non-linear least squares problems", 2004, section 3.2.
-pub fn refine_map<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
+pub fn refine_map(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RefineOptions,
     watch: Option<Watch<'_>>,
-) -> Result<Report<T>, Error> {
+) -> Result<Report, Error> {
     map.check_size(problem)?;
     let undetermined = map.prune(problem);
     let mut bundle = Bundle::from_map(map);
@@ -72,23 +71,23 @@ pub fn refine_map<T: Real>(
         &restricted
     };
     let unit = bundle.unit()?;
-    bundle.scale(T::one() / unit);
+    bundle.scale(1.0 / unit);
     bundle.bring_in();
     // Odometry and priors have units, too.
     let scaled;
     let active = if active.ties().is_empty() {
         active
     } else {
-        scaled = active.scaled(T::one() / unit);
+        scaled = active.scaled(1.0 / unit);
         &scaled
     };
     let mut descent = Descent::new(active, options, watch, bundle)?;
     let termination = if is_sparse(active) {
         minimize_sparse(&mut descent)?
     } else if keeps_landmarks(active) {
-        minimize::<T, 3, 2>(&mut descent)?
+        minimize::<3, 2>(&mut descent)?
     } else {
-        minimize::<T, 2, 3>(&mut descent)?
+        minimize::<2, 3>(&mut descent)?
     };
     let Descent {
         mut bundle,
@@ -109,20 +108,20 @@ pub fn refine_map<T: Real>(
 
 /// The cost of a map: half the sum of the losses of residuals over sigma between what it determines, and
 /// of the squares of odometry and priors.
-pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, loss: Loss<T>) -> T {
+pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
     let active = map.restrict(problem);
     Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
 }
 
 /// The part of it that odometry and priors have.
-pub fn cost_of_ties<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
+pub fn cost_of_ties(problem: &Problem, map: &Map) -> f64 {
     if problem.ties().is_empty() {
-        return T::zero();
+        return 0.0;
     }
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
     let ties = active.ties().iter();
-    ties.fold(T::zero(), |sum, tie| sum + tie.linearize(&bundle).square()) * T::lit(0.5)
+    ties.fold(0.0, |sum, tie| sum + tie.linearize(&bundle).square()) * 0.5
 }
 
 /// Whether the sparse equations of everything serve better than the dense ones of what is left when one
@@ -130,7 +129,7 @@ pub fn cost_of_ties<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
 ///
 /// Ties couple poses, which the elimination of poses does not bear. Otherwise a measured trade: the dense
 /// system is faster as long as it is small.
-pub fn is_sparse<T: Real>(problem: &Problem<T>) -> bool {
+pub fn is_sparse(problem: &Problem) -> bool {
     let kept = (2 * problem.landmarks()).min(3 * problem.views());
     !problem.ties().is_empty() || kept > MAX_DENSE
 }
@@ -139,7 +138,7 @@ pub fn is_sparse<T: Real>(problem: &Problem<T>) -> bool {
 const MAX_DENSE: usize = 600;
 
 /// Levenberg-Marquardt on the sparse normal equations.
-fn minimize_sparse<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Termination, Error> {
+fn minimize_sparse(descent: &mut Descent<'_, '_>) -> Result<Termination, Error> {
     let mut normal = Normal::new(descent.problem).ok_or(Error::OutOfMemory)?;
     let limit = descent.options.max_iterations;
     match descent.run(&mut normal, limit)? {
@@ -150,12 +149,12 @@ fn minimize_sparse<T: Real>(descent: &mut Descent<'_, '_, T>) -> Result<Terminat
 
 /// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept; small problems
 /// that do not converge soon go on with Newton's method.
-fn minimize<T: Real, const E: usize, const K: usize>(
-    descent: &mut Descent<'_, '_, T>,
+fn minimize<const E: usize, const K: usize>(
+    descent: &mut Descent<'_, '_>,
 ) -> Result<Termination, Error>
 where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
+    for<'x> Linearized<'x>: Grouped<E, K>,
+    (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     let problem = descent.problem;
     let mut reduced = Reduced {
@@ -166,7 +165,7 @@ where
     let limit = descent.options.max_iterations;
     let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
     let squared = descent.options.loss == Loss::Squared;
-    let newton = small && squared && descent.options.damping > T::zero();
+    let newton = small && squared && descent.options.damping > 0.0;
     let first = if newton { limit.min(SOON) } else { limit };
     match descent.run(&mut reduced, first)? {
         Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
@@ -182,40 +181,40 @@ where
 const SOON: usize = 8;
 
 /// The normal equations of Gauss-Newton, reduced.
-struct Reduced<'a, T: Real, const E: usize, const K: usize> {
-    problem: &'a Problem<T>,
-    schur: Schur<T, E, K>,
+struct Reduced<'a, const E: usize, const K: usize> {
+    problem: &'a Problem,
+    schur: Schur<E, K>,
     /// Blocks that stay and blocks that went.
-    step: (Vec<SVector<T, K>>, Vec<SVector<T, E>>),
+    step: (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>),
 }
 
-impl<T: Real, const E: usize, const K: usize> System<T> for Reduced<'_, T, E, K>
+impl<const E: usize, const K: usize> System for Reduced<'_, E, K>
 where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
-    (Vec<SVector<T, K>>, Vec<SVector<T, E>>): Step<T>,
+    for<'x> Linearized<'x>: Grouped<E, K>,
+    (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     fn step(
         &mut self,
-        bundle: &Bundle<T>,
-        rows: &Rows<T>,
-        damping: T,
-        result: &mut Bundle<T>,
-    ) -> Option<T> {
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64> {
         let linearized = Linearized {
             problem: self.problem,
             rows: &rows.sightings,
         };
         if !self
             .schur
-            .factorize(&linearized, damping, &gauge::<T, K>(bundle))
+            .factorize(&linearized, damping, &gauge::<K>(bundle))
         {
             return None;
         }
         let cost = rows
             .sightings
             .iter()
-            .fold(T::zero(), |sum, row| sum + row.residual * row.residual)
-            * T::lit(0.5);
+            .fold(0.0, |sum, row| sum + row.residual * row.residual)
+            * 0.5;
         let (kept, gone) = &mut self.step;
         let left = self.schur.solve(&linearized, kept, gone);
         self.step.apply(bundle, result);
@@ -224,19 +223,19 @@ where
 }
 
 /// A step, as blocks that stay and blocks that went.
-trait Step<T: Real> {
+trait Step {
     /// The bundle after the step.
-    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>);
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle);
 }
 
-impl<T: Real> Step<T> for (Vec<Vector2<T>>, Vec<Vector3<T>>) {
-    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+impl Step for (Vec<Vector2<f64>>, Vec<Vector3<f64>>) {
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle) {
         bundle.step(&self.1, &self.0, result);
     }
 }
 
-impl<T: Real> Step<T> for (Vec<Vector3<T>>, Vec<Vector2<T>>) {
-    fn apply(&self, bundle: &Bundle<T>, result: &mut Bundle<T>) {
+impl Step for (Vec<Vector3<f64>>, Vec<Vector2<f64>>) {
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle) {
         bundle.step(&self.0, &self.1, result);
     }
 }

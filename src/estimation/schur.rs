@@ -6,26 +6,27 @@
 //! `E` is the size of the blocks that go, `K` that of the blocks that stay.
 
 use super::cholesky;
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, SVector};
 
 /// A sighting as the elimination sees it.
 #[derive(Clone, Copy)]
-pub struct Slot<T: Real, const E: usize, const K: usize> {
+pub struct Slot<const E: usize, const K: usize> {
     /// Index of the block that stays.
     pub kept: usize,
     /// Derivative with respect to the block that goes.
-    pub gone: [T; E],
+    pub gone: [f64; E],
     /// Derivative with respect to the block that stays.
-    pub stay: [T; K],
+    pub stay: [f64; K],
     /// The residual.
-    pub residual: T,
+    pub residual: f64,
 }
 
 /// The sightings grouped by the block that goes; within a group by ascending `kept`.
-pub trait Grouped<T: Real, const E: usize, const K: usize> {
+pub trait Grouped<const E: usize, const K: usize> {
     /// Number of blocks that go.
     fn groups(&self) -> usize;
     /// Number of sightings.
@@ -33,48 +34,48 @@ pub trait Grouped<T: Real, const E: usize, const K: usize> {
     /// Number of blocks that stay.
     fn kept(&self) -> usize;
     /// The sightings of one group.
-    fn group(&self, group: usize) -> impl Iterator<Item = Slot<T, E, K>>;
+    fn group(&self, group: usize) -> impl Iterator<Item = Slot<E, K>>;
 }
 
 /// The reduced system, and what is needed to bring back the blocks that went.
-pub struct Schur<T: Real, const E: usize, const K: usize> {
+pub struct Schur<const E: usize, const K: usize> {
     /// The reduced matrix, then its Cholesky factor in the upper triangle (column by column, which is
     /// the lower triangle row by row).
-    matrix: DMatrix<T>,
+    matrix: DMatrix<f64>,
     /// Minus the reduced gradient, then the step.
-    step: Vec<T>,
+    step: Vec<f64>,
     /// The blocks on the diagonal of what stays, before elimination and damping.
-    diagonal: Vec<[[T; K]; K]>,
+    diagonal: Vec<[[f64; K]; K]>,
     /// Factors of the blocks that went.
-    blocks: Vec<Block<T, E>>,
+    blocks: Vec<Block<E>>,
     /// The sightings of the group at work, each with `L^-1 gone`: for groups that see little.
-    slots: Vec<(Slot<T, E, K>, [T; E])>,
+    slots: Vec<(Slot<E, K>, [f64; E])>,
     /// Of some groups: `L^-1 gone` times `stay`, a column per parameter that stays, `E` rows per group.
-    batch: DMatrix<T>,
+    batch: DMatrix<f64>,
     /// The same transposed, which makes the product a plain one.
-    transposed: DMatrix<T>,
+    transposed: DMatrix<f64>,
     /// Groups in `batch`.
     batched: usize,
 }
 
 /// A damped block that goes.
 #[derive(Clone, Copy)]
-struct Block<T: Real, const E: usize> {
+struct Block<const E: usize> {
     /// Its Cholesky factor L, diagonal inverted.
-    factor: [[T; E]; E],
+    factor: [[f64; E]; E],
     /// `L^-1` times its gradient.
-    residual: [T; E],
+    residual: [f64; E],
 }
 
-impl<T: Real, const E: usize> Block<T, E> {
+impl<const E: usize> Block<E> {
     /// The block of a group; `None` when it is not finite.
     #[inline]
     fn of_group<const K: usize>(
-        group: impl Iterator<Item = Slot<T, E, K>>,
-        damping: T,
+        group: impl Iterator<Item = Slot<E, K>>,
+        damping: f64,
     ) -> Option<Self> {
-        let mut hessian = [[T::zero(); E]; E];
-        let mut gradient = [T::zero(); E];
+        let mut hessian = [[0.0; E]; E];
+        let mut gradient = [0.0; E];
         for slot in group {
             for i in 0..E {
                 gradient[i] += slot.gone[i] * slot.residual;
@@ -93,11 +94,11 @@ impl<T: Real, const E: usize> Block<T, E> {
     /// A pivot that is rounding belongs to a direction that no sighting holds, such as the range of a
     /// landmark at infinity: it gets no step and takes nothing from the others. `None` for a matrix
     /// that is not finite.
-    fn new(matrix: &[[T; E]; E], damping: T) -> Option<Self> {
+    fn new(matrix: &[[f64; E]; E], damping: f64) -> Option<Self> {
         let mut factor = *matrix;
         for i in 0..E {
-            factor[i][i] *= T::one() + damping;
-            let floor = factor[i][i] * T::eps() * T::lit(4.0);
+            factor[i][i] *= 1.0 + damping;
+            let floor = factor[i][i] * f64::EPSILON * 4.0;
             for j in 0..i {
                 for k in 0..j {
                     let product = factor[i][k] * factor[j][k];
@@ -113,20 +114,20 @@ impl<T: Real, const E: usize> Block<T, E> {
                 return None;
             }
             factor[i][i] = if factor[i][i] > floor {
-                T::one() / factor[i][i].sqrt()
+                1.0 / factor[i][i].sqrt()
             } else {
-                T::zero()
+                0.0
             };
         }
         Some(Self {
             factor,
-            residual: [T::zero(); E],
+            residual: [0.0; E],
         })
     }
 
     /// `L^-1 x`.
     #[inline]
-    fn forward(&self, mut x: [T; E]) -> [T; E] {
+    fn forward(&self, mut x: [f64; E]) -> [f64; E] {
         for i in 0..E {
             for j in 0..i {
                 let product = self.factor[i][j] * x[j];
@@ -139,7 +140,7 @@ impl<T: Real, const E: usize> Block<T, E> {
 
     /// `L^-T x`.
     #[inline]
-    fn backward(&self, mut x: [T; E]) -> [T; E] {
+    fn backward(&self, mut x: [f64; E]) -> [f64; E] {
         for i in (0..E).rev() {
             x[i] *= self.factor[i][i];
             for j in 0..i {
@@ -152,11 +153,11 @@ impl<T: Real, const E: usize> Block<T, E> {
 }
 
 #[inline]
-fn dot<T: Real, const N: usize>(a: &[T; N], b: &[T; N]) -> T {
-    a.iter().zip(b).fold(T::zero(), |sum, (a, b)| sum + *a * *b)
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + *a * *b)
 }
 
-impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
+impl<const E: usize, const K: usize> Schur<E, K> {
     pub fn new() -> Self {
         Self {
             matrix: DMatrix::zeros(0, 0),
@@ -177,18 +178,18 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     /// right-hand side is then at right angles to it. `false` when the system is not positive definite.
     pub fn factorize(
         &mut self,
-        grouped: &impl Grouped<T, E, K>,
-        damping: T,
-        gauge: &DMatrix<T>,
+        grouped: &impl Grouped<E, K>,
+        damping: f64,
+        gauge: &DMatrix<f64>,
     ) -> bool {
         let size = grouped.kept() * K;
         if self.matrix.nrows() != size {
             self.matrix = DMatrix::zeros(size, size);
         }
         self.step.clear();
-        self.step.resize(size, T::zero());
+        self.step.resize(size, 0.0);
         self.diagonal.clear();
-        self.diagonal.resize(grouped.kept(), [[T::zero(); K]; K]);
+        self.diagonal.resize(grouped.kept(), [[0.0; K]; K]);
         self.blocks.clear();
         let dense = grouped.sightings() * DENSE_FILL >= grouped.groups() * grouped.kept();
         let height = grouped.groups().min(BATCH) * E;
@@ -198,9 +199,9 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         }
         let complete = grouped.sightings() == grouped.groups() * grouped.kept();
         // What is left of the old matrix: nothing, once the first product has been written over it.
-        let mut factor = T::zero();
+        let mut factor = 0.0;
         if !dense {
-            self.matrix.as_mut_slice().fill(T::zero());
+            self.matrix.as_mut_slice().fill(0.0);
         }
         self.batched = 0;
         for group in 0..grouped.groups() {
@@ -220,21 +221,20 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
         if self.batched > 0 {
             self.subtract_batch(&mut factor);
         }
-        let total = (0..size).fold(T::zero(), |sum, k| sum + self.conditional(k));
-        let stiffness = total / T::lit(size as f64);
-        self.matrix
-            .gemm(stiffness, &gauge.transpose(), gauge, T::one());
+        let total = (0..size).fold(0.0, |sum, k| sum + self.conditional(k));
+        let stiffness = total / (size as f64);
+        self.matrix.gemm(stiffness, &gauge.transpose(), gauge, 1.0);
         let matrix = self.matrix.as_mut_slice();
         for (k, block) in self.diagonal.iter().enumerate() {
             for i in 0..K {
                 let start = (k * K + i) * size + k * K;
                 for (j, cell) in matrix[start..start + K].iter_mut().enumerate() {
-                    let grown = if i == j { damping } else { T::zero() };
+                    let grown = if i == j { damping } else { 0.0 };
                     *cell += block[i][j] + block[i][j] * grown;
                 }
                 // What no residual touches, with a loss, stays where it is.
-                if block[i][i] <= T::zero() {
-                    matrix[start + i] += T::one();
+                if block[i][i] <= 0.0 {
+                    matrix[start + i] += 1.0;
                 }
             }
         }
@@ -242,14 +242,14 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     }
 
     /// Information on one parameter that stays when all others are known.
-    fn conditional(&self, parameter: usize) -> T {
+    fn conditional(&self, parameter: usize) -> f64 {
         let k = parameter % K;
         self.diagonal[parameter / K][k][k]
     }
 
     /// What a sighting tells about its block that stays, apart from the coupling with others.
     #[inline]
-    fn add(&mut self, slot: &Slot<T, E, K>, block: &Block<T, E>, whitened: &[T; E]) {
+    fn add(&mut self, slot: &Slot<E, K>, block: &Block<E>, whitened: &[f64; E]) {
         let left = slot.residual - dot(whitened, &block.residual);
         let step = &mut self.step[slot.kept * K..slot.kept * K + K];
         let diagonal = &mut self.diagonal[slot.kept];
@@ -262,15 +262,10 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     }
 
     /// Takes a group out and puts its coupling into the batch; `clear` when groups may leave gaps.
-    fn collect(
-        &mut self,
-        block: &Block<T, E>,
-        group: impl Iterator<Item = Slot<T, E, K>>,
-        clear: bool,
-    ) {
+    fn collect(&mut self, block: &Block<E>, group: impl Iterator<Item = Slot<E, K>>, clear: bool) {
         if clear && self.batched == 0 {
-            self.batch.as_mut_slice().fill(T::zero());
-            self.transposed.as_mut_slice().fill(T::zero());
+            self.batch.as_mut_slice().fill(0.0);
+            self.transposed.as_mut_slice().fill(0.0);
         }
         let (size, height) = self.transposed.shape();
         let row = self.batched * E;
@@ -293,20 +288,20 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     }
 
     /// Subtracts the coupling of the groups in the batch from `factor` times the matrix: one product.
-    fn subtract_batch(&mut self, factor: &mut T) {
+    fn subtract_batch(&mut self, factor: &mut f64) {
         let rows = self.batched * E;
         self.matrix.gemm(
-            -T::one(),
+            -1.0,
             &self.transposed.columns(0, rows),
             &self.batch.rows(0, rows),
             *factor,
         );
-        *factor = T::one();
+        *factor = 1.0;
         self.batched = 0;
     }
 
     /// Takes a group out block by block: for groups that see little.
-    fn scatter(&mut self, block: &Block<T, E>, group: impl Iterator<Item = Slot<T, E, K>>) {
+    fn scatter(&mut self, block: &Block<E>, group: impl Iterator<Item = Slot<E, K>>) {
         self.slots.clear();
         for slot in group {
             let whitened = block.forward(slot.gone);
@@ -331,21 +326,21 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     /// Returns half the sum of squared residuals that the linear model predicts after the step.
     pub fn solve(
         &mut self,
-        grouped: &impl Grouped<T, E, K>,
-        kept: &mut Vec<SVector<T, K>>,
-        gone: &mut Vec<SVector<T, E>>,
-    ) -> T {
+        grouped: &impl Grouped<E, K>,
+        kept: &mut Vec<SVector<f64, K>>,
+        gone: &mut Vec<SVector<f64, E>>,
+    ) -> f64 {
         cholesky::solve(self.matrix.as_slice(), &mut self.step);
         kept.clear();
         kept.extend(
             self.step
                 .chunks_exact(K)
-                .map(SVector::<T, K>::from_column_slice),
+                .map(SVector::<f64, K>::from_column_slice),
         );
         gone.clear();
-        let mut model = T::zero();
+        let mut model = 0.0;
         for group in 0..grouped.groups() {
-            let mut gradient = [T::zero(); E];
+            let mut gradient = [0.0; E];
             for slot in grouped.group(group) {
                 let residual = self.after_step(&slot);
                 for i in 0..E {
@@ -360,32 +355,32 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
             }
             gone.push(SVector::from(step));
         }
-        model * T::lit(0.5)
+        model * 0.5
     }
 
     /// The residual after the step of the blocks that stay.
     #[inline]
-    fn after_step(&self, slot: &Slot<T, E, K>) -> T {
+    fn after_step(&self, slot: &Slot<E, K>) -> f64 {
         let step = &self.step[slot.kept * K..slot.kept * K + K];
         (0..K).fold(slot.residual, |sum, i| sum + slot.stay[i] * step[i])
     }
 
     /// The largest variance of the first two parameters together of a block that went, with those that
     /// stay held fixed, for residuals of unit variance; infinite when one is free.
-    pub fn loosest_block(&self) -> T {
-        let mut worst = T::zero();
+    pub fn loosest_block(&self) -> f64 {
+        let mut worst = 0.0;
         for block in &self.blocks {
-            let mut variance = T::zero();
+            let mut variance = 0.0;
             for i in 0..E.min(2) {
-                let mut unit = [T::zero(); E];
-                unit[i] = T::one();
+                let mut unit = [0.0; E];
+                unit[i] = 1.0;
                 let column = block.forward(unit);
                 variance += dot(&column, &column);
             }
             // A pivot of zero in the factor is a free direction, not a known one.
-            let free = (0..E).any(|i| block.factor[i][i] <= T::zero());
+            let free = (0..E).any(|i| block.factor[i][i] <= 0.0);
             if free || variance > worst {
-                worst = if free { T::one() / T::zero() } else { variance };
+                worst = if free { 1.0 / 0.0 } else { variance };
             }
         }
         worst
@@ -396,30 +391,30 @@ impl<T: Real, const E: usize, const K: usize> Schur<T, E, K> {
     ///
     /// (T16): inverse iteration on the reduced matrix with its parameters in units of their conditional
     /// standard deviations; needs [`Schur::factorize`] without damping.
-    pub fn weakest_direction(&self) -> Vec<T> {
+    pub fn weakest_direction(&self) -> Vec<f64> {
         let size = self.step.len();
-        let units: Vec<T> = (0..size).map(|k| self.conditional(k).sqrt()).collect();
-        let mut vector: Vec<T> = (0..size)
-            .map(|k| T::lit(1.0 + 0.1 * ((7 * k + 3) % 11) as f64))
+        let units: Vec<f64> = (0..size).map(|k| self.conditional(k).sqrt()).collect();
+        let mut vector: Vec<f64> = (0..size)
+            .map(|k| 1.0 + 0.1 * ((7 * k + 3) % 11) as f64)
             .collect();
-        let mut gain = T::one();
+        let mut gain = 1.0;
         for _ in 0..WEAKEST_STEPS {
-            let norm = vector.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
-            let mut next = vec![T::zero(); size];
+            let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
+            let mut next = vec![0.0; size];
             for k in 0..size {
                 vector[k] /= norm;
                 next[k] = vector[k] * units[k];
             }
             cholesky::solve(self.matrix.as_slice(), &mut next);
-            gain = T::zero();
+            gain = 0.0;
             for k in 0..size {
                 next[k] *= units[k];
                 gain += next[k] * vector[k];
             }
             vector = next;
         }
-        let norm = vector.iter().fold(T::zero(), |s, v| s + *v * *v).sqrt();
-        let length = gain.max(T::zero()).sqrt() / norm;
+        let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
+        let length = gain.max(0.0).sqrt() / norm;
         for (v, unit) in vector.iter_mut().zip(&units) {
             *v *= length / *unit;
         }

@@ -4,16 +4,17 @@
 use super::bundle::{Bundle, Rows};
 use super::gauge::free_directions;
 use super::linearized::{Linearized, gauge, keeps_landmarks, kept_positions, spread};
-use super::loss::Loss;
 use super::map::{Map, Subject};
 use super::normal::Normal;
 use super::problem::Problem;
 use super::refine::is_sparse;
 use super::schur::{Grouped, Schur};
 use super::weakest::{Weak, weakest};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::lm::Loss;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2};
 
 /// How sensitive a refined map is to noise in the direction that the bearings hold least: the
 /// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
@@ -21,7 +22,7 @@ use nalgebra::{ComplexField, Matrix2, Vector2};
 ///
 /// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
 /// the number is rounding itself.
-pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
+pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     let restricted;
     let active = if map.is_complete() {
         problem
@@ -33,9 +34,9 @@ pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
     if is_sparse(active) {
         weakest_of_all(&bundle, active)
     } else if keeps_landmarks(active) {
-        weakest_kept::<T, 3, 2>(&bundle, active)
+        weakest_kept::<3, 2>(&bundle, active)
     } else {
-        weakest_kept::<T, 2, 3>(&bundle, active)
+        weakest_kept::<2, 3>(&bundle, active)
     }
 }
 
@@ -44,8 +45,8 @@ pub fn sensitivity<T: Real>(problem: &Problem<T>, map: &Map<T>) -> f64 {
 const TOUCHING: f64 = 1e-4;
 
 /// Of the views, by the sparse equations.
-fn weakest_of_all<T: Real>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64 {
-    let places = kept_positions::<T, 3>(bundle);
+fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
+    let places = kept_positions::<3>(bundle);
     let size = spread(&places);
     let rows = without_touching(bundle, problem, size, places.len());
     let Some(mut normal) = Normal::new(problem) else {
@@ -64,63 +65,55 @@ fn weakest_of_all<T: Real>(bundle: &Bundle<T>, problem: &Problem<T>) -> f64 {
     // Landmarks that are hardly held may be weaker than what moves the views.
     let found = weakest(&normal, LOOKED_AT);
     let largest = found.iter().map(square).fold(0.0, f64::max);
-    ComplexField::sqrt(largest / size.as_f64())
+    (largest / size).sqrt()
 }
 
 /// Weak directions among which the one that moves the views most is chosen.
 const LOOKED_AT: usize = 8;
 
 /// The problem linearised, without sightings over next to no distance.
-fn without_touching<T: Real>(
-    bundle: &Bundle<T>,
-    problem: &Problem<T>,
-    size: T,
-    count: usize,
-) -> Rows<T> {
+fn without_touching(bundle: &Bundle, problem: &Problem, size: f64, count: usize) -> Rows {
     let mut rows = Rows::of(problem);
     bundle.linearize(problem, Loss::Squared, &mut rows);
-    let limit = T::lit(count as f64 / (TOUCHING * TOUCHING)) / size;
+    let limit = (count as f64 / (TOUCHING * TOUCHING)) / size;
     for row in &mut rows.sightings {
         if row.gradient.norm_squared() > limit * row.weight * row.weight {
             row.gradient = Vector2::zeros();
-            row.weight = T::zero();
+            row.weight = 0.0;
         }
     }
     rows
 }
 
-fn weakest_kept<T: Real, const E: usize, const K: usize>(
-    bundle: &Bundle<T>,
-    problem: &Problem<T>,
-) -> f64
+fn weakest_kept<const E: usize, const K: usize>(bundle: &Bundle, problem: &Problem) -> f64
 where
-    for<'x> Linearized<'x, T>: Grouped<T, E, K>,
+    for<'x> Linearized<'x>: Grouped<E, K>,
 {
-    let points = kept_positions::<T, K>(bundle);
+    let points = kept_positions::<K>(bundle);
     let size = spread(&points);
     let rows = without_touching(bundle, problem, size, points.len());
     let linearized = Linearized {
         problem,
         rows: &rows.sightings,
     };
-    let mut schur = Schur::<T, E, K>::new();
-    if !schur.factorize(&linearized, T::zero(), &gauge::<T, K>(bundle)) {
+    let mut schur = Schur::<E, K>::new();
+    if !schur.factorize(&linearized, 0.0, &gauge::<K>(bundle)) {
         return f64::INFINITY;
     }
     let direction = schur.weakest_direction();
-    let square = |block: &[T]| block[0] * block[0] + block[1] * block[1];
+    let square = |block: &[f64]| block[0] * block[0] + block[1] * block[1];
     let spread = direction
         .chunks_exact(K)
-        .fold(T::zero(), |sum, block| sum + square(block));
+        .fold(0.0, |sum, block| sum + square(block));
     // A view that the landmarks do not hold, though they are held themselves. Landmarks that views do
     // not hold are found one by one (`unbounded_landmarks`).
-    let mean = size / T::lit(points.len() as f64);
+    let mean = size / (points.len() as f64);
     let loosest = if E == 3 {
         schur.loosest_block() / mean
     } else {
-        T::zero()
+        0.0
     };
-    (spread / size).max(loosest).sqrt().as_f64()
+    (spread / size).max(loosest).sqrt()
 }
 
 /// The landmarks of a refined map of which only the direction is known: with the views held fixed, the
@@ -128,7 +121,7 @@ where
 /// within their noise, and where along them the refinement has stopped means nothing.
 ///
 /// `variance` is that of the residuals over sigma.
-pub fn unbounded_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T) -> Vec<usize> {
+pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<usize> {
     let mut found = Vec::new();
     let known = |landmark: usize| {
         let subject = Some(Subject::Landmark(landmark));
@@ -153,9 +146,9 @@ pub fn unbounded_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance
         }
         // The smaller eigenvalue, in a narrow bundle.
         let trace = information.trace();
-        let determinant = information.determinant().max(T::zero());
+        let determinant = information.determinant().max(0.0);
         let held = determinant / trace;
-        if trace > T::zero() && held < variance && !known(landmark) {
+        if trace > 0.0 && held < variance && !known(landmark) {
             found.push(landmark);
         }
     }

@@ -5,14 +5,15 @@ use super::bundle::{Bundle, Rows};
 use super::covariance::{LIFT, in_frame, inner_constraints};
 use super::gauge::free_directions;
 use super::linearized::{kept_positions, spread};
-use super::loss::Loss;
 use super::map::{Map, Subject};
 use super::normal::Normal;
 use super::problem::Problem;
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::lm::Loss;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, DMatrix};
+use nalgebra::DMatrix;
 
 /// A direction, one standard deviation long for residuals of unit variance, and its gain: the variance of
 /// the parameters in it over what it would be if each were alone.
@@ -32,28 +33,25 @@ const STEPS: usize = 8;
 /// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
 /// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
 /// with these weights.
-pub fn free_of<T: Real>(
-    normal: &mut Normal<'_, T>,
-    rows: &Rows<T>,
+pub fn free_of(
+    normal: &mut Normal<'_>,
+    rows: &Rows,
     gauge: &[Vec<f64>],
     count: usize,
 ) -> Option<Vec<Vec<f64>>> {
     let mut balanced = rows.clone();
-    let squares = rows
-        .sightings
-        .iter()
-        .map(|row| row.gradient.norm_squared().as_f64());
+    let squares = rows.sightings.iter().map(|row| row.gradient.norm_squared());
     let mean = squares.sum::<f64>() / rows.sightings.len().max(1) as f64;
-    let typical = T::lit(ComplexField::sqrt(if mean > 0.0 { mean } else { 1.0 }));
+    let typical = (if mean > 0.0 { mean } else { 1.0 }).sqrt();
     for tie in &mut balanced.ties {
         for k in 0..3 {
             let both = [Some(tie.first), tie.second].into_iter().flatten();
-            let square = both.fold(T::zero(), |sum, (_, jacobian)| {
+            let square = both.fold(0.0, |sum, (_, jacobian)| {
                 jacobian[k]
                     .iter()
                     .fold(sum, |sum, entry| sum + *entry * *entry)
             });
-            if square > T::zero() {
+            if square > 0.0 {
                 let factor = typical / square.sqrt();
                 tie.first.1[k] = tie.first.1[k].map(|entry| entry * factor);
                 if let Some((_, jacobian)) = &mut tie.second {
@@ -75,11 +73,11 @@ pub fn free_of<T: Real>(
 ///
 /// (T16) for a sparse matrix: inverse iteration on a few vectors at once, with the parameters in units of
 /// their conditional standard deviations. Needs [`Normal::factorize`].
-pub fn weakest<T: Real>(normal: &Normal<'_, T>, count: usize) -> Vec<Weak> {
+pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Weak> {
     let size = normal.size();
     let count = count.min(size);
     let units: Vec<f64> = (0..size)
-        .map(|parameter| ComplexField::sqrt(normal.diagonal(parameter)))
+        .map(|parameter| normal.diagonal(parameter).sqrt())
         .collect();
     // Any vectors that no symmetry of the problem shares.
     let mut basis = DMatrix::from_fn(size, count, |k, j| {
@@ -108,7 +106,7 @@ pub fn weakest<T: Real>(normal: &Normal<'_, T>, count: usize) -> Vec<Weak> {
     (0..count)
         .map(|k| {
             let column = basis.column(k);
-            let length = ComplexField::sqrt(gains[k].max(0.0)) / column.norm();
+            let length = (gains[k].max(0.0)).sqrt() / column.norm();
             let entries = column.iter().zip(&units);
             Weak {
                 direction: entries
@@ -144,11 +142,7 @@ pub struct Loose {
 ///
 /// Along what the gauge leaves open, positions do not move on the whole. `None` when the equations are beyond
 /// the memory or the arithmetic.
-pub fn loose_directions<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    count: usize,
-) -> Option<Vec<Loose>> {
+pub fn loose_directions(problem: &Problem, map: &Map, count: usize) -> Option<Vec<Loose>> {
     let subjects: Vec<Subject> = map.determined().collect();
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
@@ -164,8 +158,8 @@ pub fn loose_directions<T: Real>(
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return None;
     }
-    let places = kept_positions::<T, 3>(&bundle);
-    let size = ComplexField::sqrt(spread(&places).as_f64() / places.len() as f64);
+    let places = kept_positions::<3>(&bundle);
+    let size = (spread(&places) / places.len() as f64).sqrt();
     let inner = inner_constraints(&gauge, places.len());
     // Those that are free, and the weakest of the others.
     let others = weakest(&normal, count).into_iter().skip(free.len());
@@ -199,7 +193,7 @@ pub fn loose_directions<T: Real>(
             if free {
                 f64::INFINITY
             } else {
-                ComplexField::sqrt(square) / size
+                square.sqrt() / size
             }
         };
         Loose {
@@ -207,7 +201,7 @@ pub fn loose_directions<T: Real>(
             held: if free {
                 0.0
             } else {
-                1.0 / ComplexField::sqrt(gain.max(1.0))
+                1.0 / gain.max(1.0).sqrt()
             },
             deviation: share(sum / subjects.len() as f64),
             largest: share(most),

@@ -146,9 +146,8 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     /// View, landmark and residual of every sighting between what is determined: predicted minus
     /// measured bearing \[rad\] in (-pi, pi].
     pub fn residuals(&self) -> impl Iterator<Item = (usize, usize, T)> + '_ {
-        self.rows().map(|(view, landmark, row)| {
-            (view, landmark, row.residual / row.weight)
-        })
+        self.rows()
+            .map(|(view, landmark, row)| (view, landmark, row.residual / row.weight))
     }
 
     /// Half the sum of squares of residual over sigma.
@@ -220,7 +219,10 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     }
 
     /// The determined landmarks that a view sees, with their bearings.
-    pub(super) fn of_view(&self, view: usize) -> impl Iterator<Item = (Point2<T>, Bearing<T>)> + Clone + '_ {
+    pub(super) fn of_view(
+        &self,
+        view: usize,
+    ) -> impl Iterator<Item = (Point2<T>, Bearing<T>)> + Clone + '_ {
         let landmarks = self.landmarks.iter().zip(&self.sightings);
         landmarks.filter_map(move |(point, seen)| {
             let seen = seen.get(view)?.as_ref()?;

@@ -225,7 +225,9 @@ impl<'a, T: Real, const M: usize, const N: usize> FixedBundle<'a, T, M, N> {
         let mut sum = T::zero();
         for ((point, seen), rows) in landmarks.zip(&mut self.workspace.rows) {
             match point {
-                Some(point) => sum += linearize(&self.map.poses, seen, point, &self.model, rows).loss,
+                Some(point) => {
+                    sum += linearize(&self.map.poses, seen, point, &self.model, rows).loss
+                }
                 None => *rows = [BearingRow::filled(T::zero()); M],
             }
         }

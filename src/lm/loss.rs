@@ -7,7 +7,7 @@ use crate::scalar::Real;
 ///
 /// Odometry and priors always count with their squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Loss<T: Real> {
+pub enum Loss<T: Real = f64> {
     /// `s`: maximum likelihood under Gaussian noise.
     #[default]
     Squared,

@@ -303,8 +303,11 @@ mod tests {
         assert_eq!(outcome.cost, paused.cost());
 
         // Already there.
-        let outcome =
-            minimize(&mut Valley::from([1.0, 1.0]), &RefineOptions::default(), |_, _| true);
+        let outcome = minimize(
+            &mut Valley::from([1.0, 1.0]),
+            &RefineOptions::default(),
+            |_, _| true,
+        );
         let outcome = outcome.unwrap();
         assert_eq!(
             (outcome.termination, outcome.iterations),

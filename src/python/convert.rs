@@ -183,7 +183,7 @@ pub fn finite_poses(
 }
 
 /// A start for the refinement: rows with NaN are undetermined.
-pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<Map<f64>> {
+pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<Map> {
     let poses = finite_or_missing(py, "poses", poses, &[None, Some(3)])?;
     let points = finite_or_missing(py, "landmarks", points, &[None, Some(2)])?;
     let known = |row: &[f64]| row.iter().all(|value| value.is_finite());

@@ -31,12 +31,12 @@ pub struct RawProblem<'py> {
 }
 
 impl RawProblem<'_> {
-    pub fn read(&self, py: Python<'_>) -> PyResult<Problem<f64>> {
+    pub fn read(&self, py: Python<'_>) -> PyResult<Problem> {
         let bearing = convert::entries(py, "bearing", &self.bearing, &[None])?;
         let sigma = convert::entries(py, "sigma", &self.sigma, &[Some(bearing.len())])?;
         let view = convert::indices(py, "view", &self.view, Some(bearing.len()))?;
         let landmark = convert::indices(py, "landmark", &self.landmark, Some(bearing.len()))?;
-        let sightings: Vec<Sighting<f64>> = view
+        let sightings: Vec<Sighting> = view
             .iter()
             .zip(&landmark)
             .zip(bearing.iter().zip(&sigma))
@@ -72,7 +72,7 @@ impl RawProblem<'_> {
     }
 }
 
-fn odometry(py: Python<'_>, raw: &RawOdometry<'_>) -> PyResult<Vec<Odometry<f64>>> {
+fn odometry(py: Python<'_>, raw: &RawOdometry<'_>) -> PyResult<Vec<Odometry>> {
     let (start, end, delta, sigma) = raw;
     let start = convert::indices(py, "odometry: start", start, None)?;
     let end = convert::indices(py, "odometry: end", end, Some(start.len()))?;
@@ -90,7 +90,7 @@ fn odometry(py: Python<'_>, raw: &RawOdometry<'_>) -> PyResult<Vec<Odometry<f64>
         .collect())
 }
 
-fn pose_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<PosePrior<f64>>> {
+fn pose_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<PosePrior>> {
     let (view, pose, sigma) = raw;
     let view = convert::indices(py, "pose_priors: view", view, None)?;
     let pose = poses(py, "pose_priors: pose", pose, view.len())?;
@@ -102,7 +102,7 @@ fn pose_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<PosePrior<f6
         .collect())
 }
 
-fn landmark_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<LandmarkPrior<f64>>> {
+fn landmark_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<LandmarkPrior>> {
     let (landmark, position, sigma) = raw;
     let landmark = convert::indices(py, "landmark_priors: landmark", landmark, None)?;
     let count = landmark.len();
@@ -137,7 +137,7 @@ fn noise<const N: usize>(
     name: &str,
     array: &Floats<'_>,
     count: usize,
-) -> PyResult<Vec<Noise<f64, N>>> {
+) -> PyResult<Vec<Noise<N>>> {
     let row = |row: &[f64]| core::array::from_fn(|k| row[k]);
     match *array.shape() {
         [rows, width] if rows == count && width == N => {

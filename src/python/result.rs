@@ -13,8 +13,8 @@ use std::format;
 /// The winner and, after it, its alternatives; covariances are the winner's.
 pub fn ranked<'py>(
     py: Python<'py>,
-    found: &Reconstruction<f64>,
-    covariance: Option<&Covariance<f64>>,
+    found: &Reconstruction,
+    covariance: Option<&Covariance>,
 ) -> PyResult<Vec<Bound<'py, PyDict>>> {
     let winner = core::iter::once((found, covariance));
     winner
@@ -25,8 +25,8 @@ pub fn ranked<'py>(
 
 pub fn reconstruction<'py>(
     py: Python<'py>,
-    found: &Reconstruction<f64>,
-    covariance: Option<&Covariance<f64>>,
+    found: &Reconstruction,
+    covariance: Option<&Covariance>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     let poses = found.map.poses.iter().map(Option::as_ref);

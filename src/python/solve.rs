@@ -105,7 +105,7 @@ pub fn refine<'py>(
     result::reconstruction(py, &found, covariance.as_ref())
 }
 
-fn options(py: Python<'_>, search: &RawSearch, refine: &RawRefine) -> PyResult<SolveOptions<f64>> {
+fn options(py: Python<'_>, search: &RawSearch, refine: &RawRefine) -> PyResult<SolveOptions> {
     Ok(SolveOptions {
         strategy: search.strategy(py)?,
         refine: refine.read(py)?,
@@ -139,7 +139,7 @@ impl RawSearch {
 }
 
 impl RawRefine {
-    fn read(&self, py: Python<'_>) -> PyResult<RefineOptions<f64>> {
+    fn read(&self, py: Python<'_>) -> PyResult<RefineOptions> {
         let scale = |usual| self.loss_scale.unwrap_or(usual);
         let loss = match self.loss.as_str() {
             "squared" => Loss::Squared,
@@ -188,11 +188,11 @@ impl Wanted {
 
     fn compute(
         self,
-        problem: &Problem<f64>,
-        map: &Map<f64>,
-        loss: Loss<f64>,
+        problem: &Problem,
+        map: &Map,
+        loss: Loss,
         watch: &mut dyn FnMut(&'static str, usize, usize) -> bool,
-    ) -> Result<Covariance<f64>, Error> {
+    ) -> Result<Covariance, Error> {
         let frame = match self {
             Self::In(frame) => frame,
             Self::Fitting if map.ties(problem).0 == 0 => Frame::Priors,

@@ -11,7 +11,6 @@ use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions, Tie, refine_map};
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
-use crate::scalar::Real;
 use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -37,11 +36,11 @@ const MIN_SHARED: usize = 2;
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so.
-pub fn anchored<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+pub fn anchored(
+    problem: &Problem,
+    options: &RefineOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Vec<Map>, Error> {
     let chains = Chains::new(problem);
     let mut known = Map::empty(problem.views(), problem.landmarks());
     for tie in problem.ties() {
@@ -49,7 +48,7 @@ pub fn anchored<T: Real>(
             Tie::Landmark {
                 landmark, position, ..
             } => known.landmarks[*landmark] = Some(*position),
-            Tie::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > T::zero()) => {
+            Tie::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > 0.0) => {
                 known.poses[*view] = Some(*pose);
             }
             _ => {}
@@ -66,7 +65,7 @@ pub fn anchored<T: Real>(
     // From the view that sees most; of equals the first.
     order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
     for view in order {
-        let reached = |map: &Map<T>| map.poses[view].is_some();
+        let reached = |map: &Map| map.poses[view].is_some();
         if !chains.links[view].is_empty() && !pieces.iter().any(reached) {
             let mut piece = Map::empty(problem.views(), problem.landmarks());
             piece.poses[view] = Some(Pose::identity());
@@ -78,12 +77,12 @@ pub fn anchored<T: Real>(
 }
 
 /// The motions of each view, as the pose of the other end in its frame.
-struct Chains<T: Real> {
-    links: Vec<Vec<(usize, Pose<T>)>>,
+struct Chains {
+    links: Vec<Vec<(usize, Pose<f64>)>>,
 }
 
-impl<T: Real> Chains<T> {
-    fn new(problem: &Problem<T>) -> Self {
+impl Chains {
+    fn new(problem: &Problem) -> Self {
         let mut links = vec![Vec::new(); problem.views()];
         for tie in problem.ties() {
             if let Tie::Motion {
@@ -99,11 +98,11 @@ impl<T: Real> Chains<T> {
 }
 
 /// Grows a piece along its odometry, and where it has known landmarks by resection.
-fn extend<T: Real>(
-    problem: &Problem<T>,
-    chains: &Chains<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
+fn extend(
+    problem: &Problem,
+    chains: &Chains,
+    map: &mut Map,
+    options: &RefineOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {
     let mut waiting: VecDeque<usize> = (0..map.poses.len())
@@ -141,7 +140,7 @@ fn extend<T: Real>(
         count += 1;
     }
     settle(problem, map, options, (count, problem.views()), progress)?;
-    triangulate_held(problem, map, T::zero());
+    triangulate_held(problem, map, 0.0);
     Ok(())
 }
 
@@ -149,7 +148,7 @@ fn extend<T: Real>(
 ///
 /// A landmark that was first seen over a short distance may have come out anywhere; once its views are
 /// refined it need not stay there.
-fn triangulate_held<T: Real>(problem: &Problem<T>, map: &mut Map<T>, least: T) {
+fn triangulate_held(problem: &Problem, map: &mut Map, least: f64) {
     let mut known = vec![false; map.landmarks.len()];
     for tie in problem.ties() {
         if let Tie::Landmark { landmark, .. } = tie {
@@ -173,19 +172,19 @@ fn triangulate_held<T: Real>(problem: &Problem<T>, map: &mut Map<T>, least: T) {
 const MIN_PARALLAX: f64 = 0.05;
 
 /// Refines a piece a little; one that cannot be stays as it is.
-fn settle<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
+fn settle(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RefineOptions,
     (count, all): (usize, usize),
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {
     let options = RefineOptions {
         max_iterations: ITERATIONS.min(options.max_iterations),
-        tolerance: T::lit(NEAR_ENOUGH).max(options.tolerance),
+        tolerance: NEAR_ENOUGH.max(options.tolerance),
         ..*options
     };
-    triangulate_held(problem, map, T::lit(MIN_PARALLAX));
+    triangulate_held(problem, map, MIN_PARALLAX);
     let mut trial = map.clone();
     let mut watch = |_, _| tell(progress, "odometry", count, all);
     match refine_map(problem, &mut trial, &options, Some(&mut watch)) {
@@ -205,12 +204,8 @@ fn settle<T: Real>(
 }
 
 /// Lays pieces over the first, as far as they share landmarks, and views without odometry onto it.
-fn merge<T: Real>(
-    problem: &Problem<T>,
-    mut pieces: Vec<Map<T>>,
-    fixed: bool,
-) -> Result<Vec<Map<T>>, Error> {
-    let size = |map: &Map<T>| map.poses.iter().flatten().count();
+fn merge(problem: &Problem, mut pieces: Vec<Map>, fixed: bool) -> Result<Vec<Map>, Error> {
+    let size = |map: &Map| map.poses.iter().flatten().count();
     let from = usize::from(fixed);
     if pieces.len() > from {
         pieces[from..].sort_by_key(|map| core::cmp::Reverse(size(map)));
@@ -219,7 +214,7 @@ fn merge<T: Real>(
     while !pieces.is_empty() {
         let mut main = pieces.remove(0);
         loop {
-            let shared = |map: &Map<T>| {
+            let shared = |map: &Map| {
                 let pairs = map.landmarks.iter().zip(&main.landmarks);
                 pairs.filter(|(a, b)| a.is_some() && b.is_some()).count()
             };

@@ -3,20 +3,19 @@
 
 use super::result::Reconstruction;
 use crate::estimation::{Problem, Subject, Termination, Undetermined, Why, unbounded_landmarks};
-use crate::scalar::Real;
 
 /// Takes landmarks at infinity out of a refined map: their range means nothing.
 ///
 /// Their bearings have done their part: they hold the headings, and the cost counts them.
-pub fn take_out_unbounded<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
     // Exact bearings leave no noise to judge by, and a map that explains nothing is none.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
-        || found.rms > T::lit(PLAUSIBLE_RMS)
+        || found.rms > PLAUSIBLE_RMS
     {
         return;
     }
-    let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);
+    let variance = 2.0 * found.cost / (found.freedom as f64);
     let unbounded = unbounded_landmarks(problem, &found.map, variance);
     let lost: usize = unbounded
         .iter()

@@ -4,8 +4,9 @@
 use super::expand::{grow, score};
 use super::triples::common_bearings;
 use crate::estimation::{Map, Problem};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::kernels::CalibratedTensor;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Places on a half circle.
@@ -31,7 +32,7 @@ impl Circle {
 }
 
 /// A map and its score.
-pub type Scored<T> = (T, Map<T>);
+pub type Scored = (f64, Map);
 
 /// Maps from places on the circle of tensors `cos f Ta + sin f Tb` of a triple of views, (T17): the local
 /// minima of the score along the circle.
@@ -40,20 +41,15 @@ pub type Scored<T> = (T, Map<T>);
 /// null space for four landmarks, its weakest directions for more. The negative of a tensor is the same
 /// tensor, so a half circle is enough. For each f the motion is closed form; growing the map to the
 /// other views scores it.
-pub fn along_circle<T: Real>(
-    problem: &Problem<T>,
-    views: [usize; 3],
-    circle: Circle,
-) -> Vec<Scored<T>> {
+pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<Scored> {
     let (triples, _) = common_bearings(problem, views);
     let basis = CalibratedTensor::null_pair(&triples);
     // One tensor after the other along the circle, both branches of each.
-    let mut scored: [Vec<Scored<T>>; 2] = [Vec::new(), Vec::new()];
+    let mut scored: [Vec<Scored>; 2] = [Vec::new(), Vec::new()];
     for place in 0..circle.places {
         let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
-        let (sin, cos) = (T::pi() * T::lit(part)).sin_cos();
-        let motions =
-            CalibratedTensor::combine(&basis, cos, sin * T::lit(circle.width)).motions(&triples);
+        let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
+        let motions = CalibratedTensor::combine(&basis, cos, sin * circle.width).motions(&triples);
         for (branch, scored) in scored.iter_mut().enumerate() {
             let mut map = Map::empty(problem.views(), problem.landmarks());
             if let Ok(motions) = &motions {

@@ -7,7 +7,6 @@
 
 use crate::estimation::{Map, Problem};
 use crate::kernels::triangulate;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
@@ -22,20 +21,20 @@ const AWAY: f64 = 30.0;
 /// Maps that differ from a minimum in the place of one landmark, the most promising first.
 ///
 /// `variance` is that of the residuals over sigma.
-pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T) -> Vec<Map<T>> {
-    let slack = T::lit(WORTH) * variance;
-    let mut found: Vec<(T, usize, Point2<T>)> = Vec::new();
+pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> {
+    let slack = WORTH * variance;
+    let mut found: Vec<(f64, usize, Point2<f64>)> = Vec::new();
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };
-        let cost = |place: &Point2<T>, but: Option<usize>, bound: T| {
-            let mut sum = T::zero();
+        let cost = |place: &Point2<f64>, but: Option<usize>, bound: f64| {
+            let mut sum = 0.0;
             for &k in problem.of_landmark(landmark) {
                 let s = &problem.sightings()[k];
                 if let Some(pose) = &map.poses[s.view]
                     && but != Some(k)
                 {
                     let residual = problem.residual(pose, place, s) * s.weight;
-                    sum += residual * residual * T::lit(0.5);
+                    sum += residual * residual * 0.5;
                     if sum > bound {
                         return None;
                     }
@@ -43,13 +42,13 @@ pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T)
             }
             Some(sum)
         };
-        let infinite = T::one() / T::zero();
+        let infinite = 1.0 / 0.0;
         let Some(now) = cost(point, None, infinite) else {
             continue;
         };
-        let mut add = |place: Point2<T>, but: Option<usize>, begin: Point2<T>| {
+        let mut add = |place: Point2<f64>, but: Option<usize>, begin: Point2<f64>| {
             if let Some(there) = cost(&place, but, now + slack)
-                && (begin - point).norm() > T::lit(OFF)
+                && (begin - point).norm() > OFF
             {
                 found.push((there - now, landmark, begin));
             }
@@ -62,11 +61,11 @@ pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T)
                 let ray = Vector2::new(ray.re, ray.im);
                 let view = Point2::from(pose.translation.vector);
                 direction += ray;
-                add(view, Some(k), view + ray * T::lit(OFF));
+                add(view, Some(k), view + ray * OFF);
             }
         }
-        let far = Point2::from(direction * (T::lit(AWAY) / direction.norm()));
-        add(Point2::from(far.coords * T::lit(AWAY)), None, far);
+        let far = Point2::from(direction * (AWAY / direction.norm()));
+        add(Point2::from(far.coords * AWAY), None, far);
         let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
             let s = &problem.sightings()[k];
             map.poses[s.view].map(|pose| (pose, s.bearing))
@@ -75,7 +74,7 @@ pub fn moved_landmarks<T: Real>(problem: &Problem<T>, map: &Map<T>, variance: T)
             add(found.point, None, found.point);
         }
     }
-    found.sort_by(|a, b| a.0.as_f64().total_cmp(&b.0.as_f64()));
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found
         .into_iter()
         .map(|(_, landmark, place)| {

@@ -4,17 +4,16 @@
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
-use crate::scalar::Real;
 
 /// Triangulates every landmark that at least two determined views see, anew where it has a value.
-pub fn triangulate_all<T: Real>(problem: &Problem<T>, map: &mut Map<T>) {
+pub fn triangulate_all(problem: &Problem, map: &mut Map) {
     for landmark in 0..map.landmarks.len() {
         triangulate_one(problem, map, landmark);
     }
 }
 
 /// Triangulates one landmark if at least two determined views see it.
-pub fn triangulate_one<T: Real>(problem: &Problem<T>, map: &mut Map<T>, landmark: usize) {
+pub fn triangulate_one(problem: &Problem, map: &mut Map, landmark: usize) {
     let poses = &map.poses;
     let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
         let s = &problem.sightings()[k];
@@ -26,11 +25,7 @@ pub fn triangulate_one<T: Real>(problem: &Problem<T>, map: &mut Map<T>, landmark
 }
 
 /// The pose of a view from the landmarks that are determined, and how badly it fits.
-pub fn resect_view<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    view: usize,
-) -> Option<(Pose<T>, T)> {
+pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f64>, f64)> {
     let sightings = problem
         .of_view(view)
         .iter()
@@ -44,7 +39,7 @@ pub fn resect_view<T: Real>(
 /// Grows a map from the poses it has, by triangulation and resection in turn, as far as it goes.
 ///
 /// What had its first estimate from few neighbours has it made anew from all once they are known.
-pub fn grow<T: Real>(problem: &Problem<T>, map: &mut Map<T>) {
+pub fn grow(problem: &Problem, map: &mut Map) {
     triangulate_all(problem, map);
     loop {
         let mut grown = false;
@@ -73,19 +68,19 @@ const HALF_EXPLAINED: f64 = 0.1;
 ///
 /// Each sighting adds `q / (q + c^2)` with q the squared sine of its error (1 and more when it points
 /// away, unless it is a line); a sighting that the map does not reach adds 1.
-pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
-    let bound = T::lit(HALF_EXPLAINED * HALF_EXPLAINED);
+pub fn score(problem: &Problem, map: &Map) -> f64 {
+    let bound = HALF_EXPLAINED * HALF_EXPLAINED;
     let lines = !problem.is_oriented();
-    let mut sum = T::zero();
+    let mut sum = 0.0;
     for (view, pose) in map.poses.iter().enumerate() {
         let seen = problem.of_view(view);
         let Some(pose) = pose else {
-            sum += T::lit(seen.len() as f64);
+            sum += seen.len() as f64;
             continue;
         };
         for s in seen {
             let Some(point) = &map.landmarks[s.landmark] else {
-                sum += T::one();
+                sum += 1.0;
                 continue;
             };
             let offset = point.coords - pose.translation.vector;
@@ -93,18 +88,14 @@ pub fn score<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
             let along = ray.re * offset.x + ray.im * offset.y;
             let across = ray.re * offset.y - ray.im * offset.x;
             let square = offset.norm_squared();
-            let error = if along > T::zero() || lines {
+            let error = if along > 0.0 || lines {
                 across * across
             } else {
                 square + along * along
             };
             // error / (error + bound) with both times |d|^2, so one division serves.
             let total = error + bound * square;
-            sum += if total > T::zero() {
-                error / total
-            } else {
-                T::one()
-            };
+            sum += if total > 0.0 { error / total } else { 1.0 };
         }
     }
     sum

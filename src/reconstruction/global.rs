@@ -13,7 +13,6 @@ mod relative;
 use super::options::{Progress, tell};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Most views: the systems are dense in the views.
@@ -25,11 +24,11 @@ const MAX_VIEWS: usize = 1024;
 /// # Errors
 /// [`Error::TooLarge`] above 1024 views, [`Error::NeedsRays`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when
 /// none can.
-pub fn starts<T: Real>(
-    problem: &Problem<T>,
+pub fn starts(
+    problem: &Problem,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Vec<Map>, Error> {
     // The signs of the bearings tell the branches of most triples apart, and which way the system is to go.
     if !problem.is_oriented() {
         return Err(Error::NeedsRays {

@@ -13,7 +13,6 @@ use super::options::Progress;
 use super::result::Reconstruction;
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions, Termination};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use complete::finish;
@@ -44,15 +43,15 @@ const CLEARLY: f64 = 4.0;
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`]; why no triple of views can start a map, when none can.
-pub fn grow<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+pub fn grow(
+    problem: &Problem,
+    options: &RefineOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Reconstruction<T>>, Error> {
+) -> Result<Vec<Reconstruction>, Error> {
     let seeds = seeds::seeds(problem, seed)?;
     let mut free = vec![true; problem.views()];
-    let mut found: Vec<Reconstruction<T>> = Vec::new();
+    let mut found: Vec<Reconstruction> = Vec::new();
     while let Some(map) = component(problem, options, &seeds, &free, progress)? {
         for (free, pose) in free.iter_mut().zip(&map.map.poses) {
             *free &= pose.is_none();
@@ -66,12 +65,12 @@ pub fn grow<T: Real>(
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
-pub fn finish_all<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    starts: Vec<Map<T>>,
+pub fn finish_all(
+    problem: &Problem,
+    options: &RefineOptions,
+    starts: Vec<Map>,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Reconstruction<T>>, Error> {
+) -> Result<Vec<Reconstruction>, Error> {
     let mut free = vec![true; problem.views()];
     for pose in starts.iter().flat_map(|map| map.poses.iter().enumerate()) {
         free[pose.0] &= pose.1.is_none();
@@ -94,12 +93,12 @@ pub fn finish_all<T: Real>(
 ///
 /// # Errors
 /// As [`grow`].
-pub fn first<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+pub fn first(
+    problem: &Problem,
+    options: &RefineOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Map<T>>, Error> {
+) -> Result<Option<Map>, Error> {
     let free = vec![true; problem.views()];
     for views in seeds::seeds(problem, seed)?.into_iter().take(ATTEMPTS) {
         if let Some(map) = from_seed(problem, options, views, &free, progress)?
@@ -113,15 +112,15 @@ pub fn first<T: Real>(
 }
 
 /// The best map of views that are free: from several seeds, until one is beyond doubt.
-fn component<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+fn component(
+    problem: &Problem,
+    options: &RefineOptions,
     seeds: &[[usize; 3]],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
-    let mut found: Vec<Reconstruction<T>> = Vec::new();
-    let mut unfinished: Vec<Reconstruction<T>> = Vec::new();
+) -> Result<Option<Reconstruction>, Error> {
+    let mut found: Vec<Reconstruction> = Vec::new();
+    let mut unfinished: Vec<Reconstruction> = Vec::new();
     let first = RefineOptions {
         max_iterations: options.max_iterations.min(FIRST_ITERATIONS),
         ..*options
@@ -167,18 +166,18 @@ fn component<T: Real>(
 }
 
 /// The maps that a seed grows to: one, or two when neither branch is clearly better.
-fn from_seed<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+fn from_seed(
+    problem: &Problem,
+    options: &RefineOptions,
     views: [usize; 3],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Vec<Map>, Error> {
     let mut growths = Vec::new();
     for map in seeds::begin(problem, views) {
         if let Some(mut growth) = Growth::new(problem, options, free, map)? {
             growth.grow(TRIAL, progress)?;
-            let noise = growth.noise().as_f64();
+            let noise = growth.noise();
             let variance = noise * noise;
             growths.push((growth.reached(), variance, growth));
         }
@@ -199,10 +198,10 @@ fn from_seed<T: Real>(
 }
 
 /// Whether a map is the lowest known, and another seed has led to it before.
-fn confirms<T: Real>(others: &[Reconstruction<T>], found: &Reconstruction<T>) -> bool {
+fn confirms(others: &[Reconstruction], found: &Reconstruction) -> bool {
     let reached = views(found);
     others
         .iter()
-        .all(|other| views(other) < reached || other.cost >= found.cost * T::lit(SAME_COST))
+        .all(|other| views(other) < reached || other.cost >= found.cost * SAME_COST)
         && others.iter().any(|other| same(&other.map, &found.map))
 }

@@ -12,17 +12,18 @@ use super::result::Reconstruction;
 use super::search::{Hypothesis, near};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions, Termination, refine_map};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 
 /// Minima found so far, and starts that are not there yet.
-pub struct Minima<'a, 'p, T: Real> {
-    problem: &'a Problem<T>,
-    options: &'a RefineOptions<T>,
+pub struct Minima<'a, 'p> {
+    problem: &'a Problem,
+    options: &'a RefineOptions,
     pub progress: &'a mut Option<Progress<'p>>,
     /// With the number of the triple that each comes from.
-    minima: Vec<(Reconstruction<T>, usize)>,
-    unfinished: Vec<(Reconstruction<T>, usize)>,
+    minima: Vec<(Reconstruction, usize)>,
+    unfinished: Vec<(Reconstruction, usize)>,
     /// Why the last start that could not be refined could not.
     failure: Option<Error>,
 }
@@ -55,10 +56,10 @@ const MOVED_ITERATIONS: usize = 30;
 /// Costs whose ratio is closer to 1 than this are those of one minimum.
 pub const SAME_COST: f64 = 1.0 - 1e-6;
 
-impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
+impl<'a, 'p> Minima<'a, 'p> {
     pub fn new(
-        problem: &'a Problem<T>,
-        options: &'a RefineOptions<T>,
+        problem: &'a Problem,
+        options: &'a RefineOptions,
         progress: &'a mut Option<Progress<'p>>,
     ) -> Self {
         Self {
@@ -78,7 +79,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
     pub fn try_out(
         &mut self,
-        hypotheses: impl ExactSizeIterator<Item = Hypothesis<T>>,
+        hypotheses: impl ExactSizeIterator<Item = Hypothesis>,
         stop: bool,
     ) -> Result<bool, Error> {
         let total = hypotheses.len();
@@ -101,11 +102,11 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     }
 
     /// Whether a minimum is the lowest known, and another triple has led to it before.
-    fn confirms(&self, found: &Reconstruction<T>, triple: usize) -> bool {
+    fn confirms(&self, found: &Reconstruction, triple: usize) -> bool {
         let mut others = self.minima.iter();
         others
             .clone()
-            .all(|(other, _)| other.cost >= found.cost * T::lit(SAME_COST))
+            .all(|(other, _)| other.cost >= found.cost * SAME_COST)
             && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
     }
 
@@ -116,14 +117,13 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     /// As [`Minima::try_out`].
     pub fn finish(&mut self, all: bool) -> Result<bool, Error> {
         let mut unfinished = core::mem::take(&mut self.unfinished);
-        unfinished.sort_by(|a, b| a.0.cost.as_f64().total_cmp(&b.0.cost.as_f64()));
+        unfinished.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
         let total = if all { unfinished.len() } else { MAX_FINISHED };
         let mut done = 0;
         for (found, triple) in unfinished {
             // Of exact bearings there may be several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
-                other.termination != Termination::ZeroResidual
-                    && found.cost > other.cost * T::lit(HOPELESS)
+                other.termination != Termination::ZeroResidual && found.cost > other.cost * HOPELESS
             });
             if hopeless {
                 continue;
@@ -165,20 +165,20 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
                 .minima
                 .iter()
                 .map(|(found, _)| found)
-                .min_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+                .min_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(best) = lowest else { break };
             if best.freedom == 0 || best.termination == Termination::ZeroResidual {
                 break;
             }
             let cost = best.cost;
-            let variance = T::lit(2.0) * cost / T::lit(best.freedom as f64);
+            let variance = 2.0 * cost / (best.freedom as f64);
             let maps = moved_landmarks(self.problem, &best.map, variance);
             let total = maps.len().min(MOVES);
             let mut lower = false;
             for (done, map) in maps.into_iter().take(MOVES).enumerate() {
                 let iterations = self.options.max_iterations.min(MOVED_ITERATIONS);
                 if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
-                    lower |= found.cost < cost * T::lit(SAME_COST);
+                    lower |= found.cost < cost * SAME_COST;
                     self.minima.push((found, usize::MAX));
                 }
             }
@@ -193,7 +193,7 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     ///
     /// # Errors
     /// Those of [`refine_map`] for the last start, when none could be refined.
-    pub fn into_found(self) -> Result<Vec<Reconstruction<T>>, Error> {
+    pub fn into_found(self) -> Result<Vec<Reconstruction>, Error> {
         match self.failure {
             Some(error) if self.minima.is_empty() => Err(error),
             _ => Ok(self.minima.into_iter().map(|(found, _)| found).collect()),
@@ -203,11 +203,11 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
     /// Refines a map; `None` when it cannot be.
     fn refine(
         &mut self,
-        mut map: Map<T>,
+        mut map: Map,
         max_iterations: usize,
         used: usize,
         (done, total): (usize, usize),
-    ) -> Result<Option<Reconstruction<T>>, Error> {
+    ) -> Result<Option<Reconstruction>, Error> {
         let options = RefineOptions {
             max_iterations,
             ..*self.options
@@ -230,9 +230,9 @@ impl<'a, 'p, T: Real> Minima<'a, 'p, T> {
 
 /// Whether the cost of a minimum is what the standard deviations of the sightings let expect of the
 /// right one, and no wrong one would come so low.
-pub fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
+pub fn is_plausible(found: &Reconstruction) -> bool {
     let freedom = found.freedom as f64;
-    let deviation = (2.0 * found.cost.as_f64() - freedom).abs();
+    let deviation = (2.0 * found.cost - freedom).abs();
     found.termination == Termination::ZeroResidual
         || (found.freedom >= TELLING_FREEDOM
             && found.undetermined.is_empty()
@@ -240,6 +240,6 @@ pub fn is_plausible<T: Real>(found: &Reconstruction<T>) -> bool {
 }
 
 /// Whether two normalised maps are the same minimum.
-pub fn same<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
-    near(a, b, T::lit(1e-4).max(T::eps().sqrt()))
+pub fn same(a: &Map, b: &Map) -> bool {
+    near(a, b, 1e-4_f64.max(f64::EPSILON.sqrt()))
 }

@@ -3,7 +3,6 @@
 
 use crate::estimation::RefineOptions;
 use crate::kernels::Method;
-use crate::scalar::Real;
 
 /// How a first map is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,11 +50,11 @@ impl Default for Search {
 
 /// Options of [`solve`](crate::solve) and [`initialize`](crate::initialize).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SolveOptions<T: Real> {
+pub struct SolveOptions {
     /// How a first map is found.
     pub strategy: Strategy,
     /// Options of the refinement.
-    pub refine: RefineOptions<T>,
+    pub refine: RefineOptions,
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
     /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
@@ -65,7 +64,7 @@ pub struct SolveOptions<T: Real> {
     pub robust: bool,
 }
 
-impl<T: Real> Default for SolveOptions<T> {
+impl Default for SolveOptions {
     fn default() -> Self {
         Self {
             strategy: Strategy::Search(Search::default()),

@@ -6,7 +6,6 @@ use super::triples::common_bearings;
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{Method, Motion, three_view};
-use crate::scalar::Real;
 
 /// A map from the first three views that can start one, the others added in their order.
 ///
@@ -18,7 +17,7 @@ use crate::scalar::Real;
 ///
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, sections 3.4 and 3.5.
-pub fn follow<T: Real>(problem: &Problem<T>, method: Method) -> Result<[Map<T>; 2], Error> {
+pub fn follow(problem: &Problem, method: Method) -> Result<[Map; 2], Error> {
     if problem.views() < 3 {
         return Err(Error::TooFew {
             what: "views",
@@ -28,7 +27,7 @@ pub fn follow<T: Real>(problem: &Problem<T>, method: Method) -> Result<[Map<T>; 
     }
     let (triples, landmarks) = common_bearings(problem, [0, 1, 2]);
     let solution = three_view(&triples, method)?;
-    let start = |motion: &Motion<T>| {
+    let start = |motion: &Motion<f64>| {
         let mut map = Map::empty(problem.views(), problem.landmarks());
         for (place, pose) in map.poses.iter_mut().zip(motion.poses) {
             *place = Some(pose);
@@ -40,9 +39,9 @@ pub fn follow<T: Real>(problem: &Problem<T>, method: Method) -> Result<[Map<T>; 
     };
     let mut maps = solution.motions.each_ref().map(start);
     if problem.views() > 3 {
-        let misfit = maps.each_ref().map(|map| {
-            resect_view(problem, map, 3).map_or(f64::INFINITY, |found| found.1.as_f64())
-        });
+        let misfit = maps
+            .each_ref()
+            .map(|map| resect_view(problem, map, 3).map_or(f64::INFINITY, |found| found.1));
         if misfit[1] < misfit[0] {
             maps.swap(0, 1);
         }

@@ -15,7 +15,8 @@ use super::sight;
 use super::solve::solve;
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Undetermined, Why, fitted, refine_map};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 
 /// Standard deviations of the cost by which that of the right map may differ from its mean.
@@ -32,11 +33,11 @@ const MANY_VIEWS: usize = 40;
 ///
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, section 2.2.
-pub fn solve_posterior<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn solve_posterior(
+    problem: &Problem,
+    options: &SolveOptions,
     mut progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     let many = problem.views() > MANY_VIEWS;
     let mut attempts = Attempts {
         problem,
@@ -54,7 +55,7 @@ pub fn solve_posterior<T: Real>(
     }
     // By squares most maps grow best, whatever the loss that they are refined with; where a few bearings are
     // wrong, with a loss that they do not bend.
-    for loss in [Loss::Squared, Loss::Cauchy(T::lit(Loss::<T>::CAUCHY))] {
+    for loss in [Loss::Squared, Loss::Cauchy(Loss::<f64>::CAUCHY)] {
         if attempts.suffice() {
             break;
         }
@@ -72,7 +73,7 @@ pub fn solve_posterior<T: Real>(
     if !(attempts.suffice() || hopeless) {
         attempts.refine_from_bearings()?;
     }
-    let rank = |found: &Reconstruction<T>| (found.undetermined.len(), found.cost.as_f64());
+    let rank = |found: &Reconstruction| (found.undetermined.len(), found.cost);
     attempts.found.sort_by(|a, b| {
         let (a, b) = (rank(a), rank(b));
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
@@ -113,16 +114,16 @@ const NOTHING: Error = Error::Degenerate {
 };
 
 /// Starts that are refined, and what has come of them.
-struct Attempts<'a, 'p, T: Real> {
-    problem: &'a Problem<T>,
-    options: &'a SolveOptions<T>,
+struct Attempts<'a, 'p> {
+    problem: &'a Problem,
+    options: &'a SolveOptions,
     progress: &'a mut Option<Progress<'p>>,
-    found: Vec<Reconstruction<T>>,
+    found: Vec<Reconstruction>,
     /// Why the last one that could not be refined could not.
     failure: Error,
 }
 
-impl<T: Real> Attempts<'_, '_, T> {
+impl Attempts<'_, '_> {
     /// Whether no other start is wanted.
     fn suffice(&self) -> bool {
         let plausible = |found| is_plausible(found, self.options.robust);
@@ -130,13 +131,13 @@ impl<T: Real> Attempts<'_, '_, T> {
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
-    fn refine_fitted(&mut self, start: &Map<T>) -> Result<(), Error> {
+    fn refine_fitted(&mut self, start: &Map) -> Result<(), Error> {
         let start = fitted(self.problem, start);
         self.refine(&start)
     }
 
     /// Refines a start and keeps what comes of it.
-    fn refine(&mut self, start: &Map<T>) -> Result<(), Error> {
+    fn refine(&mut self, start: &Map) -> Result<(), Error> {
         if self.options.robust {
             let found = robust::from_start(self.problem, start, self.options, self.progress)?;
             self.found.extend(found);
@@ -184,7 +185,7 @@ impl<T: Real> Attempts<'_, '_, T> {
 }
 
 /// Whether two maps have no view in common.
-fn are_apart<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
+fn are_apart(a: &Map, b: &Map) -> bool {
     let mut pairs = a.poses.iter().zip(&b.poses);
     pairs.all(|(a, b)| a.is_none() || b.is_none())
 }
@@ -194,7 +195,7 @@ fn are_apart<T: Real>(a: &Map<T>, b: &Map<T>) -> bool {
 ///
 /// Where outliers are expected it is enough that they are no more than a search finds its way among: real
 /// standard deviations are never exact, and many outliers tell a wrong map whatever they are.
-fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
+fn is_plausible(found: &Reconstruction, robust: bool) -> bool {
     let hopeless = |one: &Undetermined| match one.why {
         // No start would reach it.
         Why::TooFewSightings { .. } => true,
@@ -210,6 +211,6 @@ fn is_plausible<T: Real>(found: &Reconstruction<T>, robust: bool) -> bool {
         return MANY_SIGHTINGS * outliers <= found.inliers.len();
     }
     let freedom = found.freedom as f64;
-    let excess = 2.0 * found.cost.as_f64() - freedom;
-    excess <= 0.0_f64.max(PLAUSIBLE * nalgebra::ComplexField::sqrt(2.0 * freedom))
+    let excess = 2.0 * found.cost - freedom;
+    excess <= 0.0_f64.max(PLAUSIBLE * (2.0 * freedom).sqrt())
 }

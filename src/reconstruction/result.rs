@@ -2,7 +2,8 @@
 //! What a reconstruction returns.
 
 use crate::estimation::{Loss, Map, Problem, Report, Termination, Undetermined};
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 
 /// A map, how well it explains the bearings, and its rivals.
@@ -10,19 +11,19 @@ use alloc::vec::Vec;
 /// Gauge: the first determined view is at the origin with heading 0, and the root-mean-square
 /// distance of the other views from it is 1.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reconstruction<T: Real> {
+pub struct Reconstruction {
     /// Poses and landmarks; `None` where undetermined.
-    pub map: Map<T>,
+    pub map: Map,
     /// Half the sum of squared residuals over sigma. With [`SolveOptions::robust`] no square counts
     /// for more than 9, which is what a sighting costs that the map does not explain.
     ///
     /// [`SolveOptions::robust`]: crate::SolveOptions::robust
-    pub cost: T,
+    pub cost: f64,
     /// Root mean square of the residuals of the inliers \[rad\].
-    pub rms: T,
+    pub rms: f64,
     /// Predicted minus measured bearing \[rad\] in (-pi, pi], in the order of the problem's input;
     /// `None` where an end is undetermined, unless it is a landmark at infinity.
-    pub residuals: Vec<Option<T>>,
+    pub residuals: Vec<Option<f64>>,
     /// Which sightings made the map, in the order of the problem's input. With
     /// [`SolveOptions::robust`](crate::SolveOptions::robust) those whose residual is at most three
     /// sigma, with a truncated loss those within its width; otherwise all that have a residual.
@@ -54,13 +55,13 @@ pub struct Reconstruction<T: Real> {
     pub components: Vec<Self>,
 }
 
-impl<T: Real> Reconstruction<T> {
+impl Reconstruction {
     /// Normalises a map and judges it.
-    pub(super) fn new(problem: &Problem<T>, map: &Map<T>, report: Report<T>) -> Self {
+    pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
         let map = map.framed(problem);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let mut inliers = alloc::vec![false; residuals.len()];
-        let (mut squares, mut count) = (T::zero(), T::zero());
+        let (mut squares, mut count) = (0.0, 0.0_f64);
         let all = problem.input_order().iter().zip(map.residuals(problem));
         for (k, (&place, residual)) in all.enumerate() {
             residuals[place] = residual;
@@ -71,12 +72,12 @@ impl<T: Real> Reconstruction<T> {
                     _ => true,
                 };
                 squares += r * r;
-                count += T::one();
+                count += 1.0;
             }
         }
         Self {
             cost: report.cost,
-            rms: (squares / count.max(T::one())).sqrt(),
+            rms: (squares / count.max(1.0)).sqrt(),
             freedom: freedom(problem, &map, &residuals),
             inliers,
             residuals,
@@ -93,7 +94,7 @@ impl<T: Real> Reconstruction<T> {
 }
 
 /// What is measured less parameters, but for those of the gauge.
-fn freedom<T: Real>(problem: &Problem<T>, map: &Map<T>, residuals: &[Option<T>]) -> usize {
+fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();
     let (free, numbers) = map.ties(problem);

@@ -29,7 +29,6 @@ use super::{bounded, search, triples};
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Subject, Undetermined, Why};
 use crate::kernels::Motion;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use exchange::exchange;
@@ -79,11 +78,11 @@ const PLAIN: usize = 6;
 ///
 /// # Errors
 /// As [`solve`], and [`Error::TooCoarse`] for a standard deviation above [`COARSEST`].
-pub(super) fn solve_robust<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub(super) fn solve_robust(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     let mut progress = progress;
     check_sigmas(problem)?;
     // Outliers are told apart here; what is left counts with its squares.
@@ -114,11 +113,11 @@ pub(super) fn solve_robust<T: Real>(
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
-pub(super) fn along_odometry<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub(super) fn along_odometry(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Vec<Map>, Error> {
     check_sigmas(problem)?;
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
     follow::follow(problem, &options.refine, &mut random, progress)
@@ -126,7 +125,7 @@ pub(super) fn along_odometry<T: Real>(
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
 /// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
-pub(super) fn is_searchable<T: Real>(problem: &Problem<T>) -> bool {
+pub(super) fn is_searchable(problem: &Problem) -> bool {
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
     let enough = counts.clone().filter(|&count| count >= AGREEING_OF_VIEW);
     2 * enough.count() > counts.filter(|&count| count > 0).count()
@@ -136,12 +135,12 @@ pub(super) fn is_searchable<T: Real>(problem: &Problem<T>) -> bool {
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
-pub(super) fn from_start<T: Real>(
-    problem: &Problem<T>,
-    start: &Map<T>,
-    options: &SolveOptions<T>,
+pub(super) fn from_start(
+    problem: &Problem,
+    start: &Map,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
+) -> Result<Option<Reconstruction>, Error> {
     check_sigmas(problem)?;
     if !tell(progress, "improve", 0, 1) {
         return Err(Error::Interrupted);
@@ -161,7 +160,7 @@ pub(super) fn from_start<T: Real>(
 
 /// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
 /// they say.
-pub(super) fn refuse_minority<T: Real>(found: &Reconstruction<T>) -> Result<(), Error> {
+pub(super) fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
     let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
     let outliers = found.inliers.len() - inliers;
     if outliers > inliers && outliers > FEW_OUTLIERS {
@@ -176,7 +175,7 @@ pub(super) fn refuse_minority<T: Real>(found: &Reconstruction<T>) -> Result<(), 
 
 /// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
 /// unknowns, and a few more.
-fn refuse_chance<T: Real>(found: &Reconstruction<T>) -> Result<(), Error> {
+fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
     let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
     let share = found.freedom as f64 / outliers as f64;
     if outliers > FEW_OUTLIERS && share < CONSENSUS {
@@ -204,45 +203,45 @@ const NOTHING: Error = Error::Degenerate {
 };
 
 /// The first sighting in the order of the input whose sigma is too large.
-fn check_sigmas<T: Real>(problem: &Problem<T>) -> Result<(), Error> {
+fn check_sigmas(problem: &Problem) -> Result<(), Error> {
     let coarse = problem
         .sightings()
         .iter()
         .zip(problem.input_order())
-        .filter(|(s, _)| s.weight * T::lit(COARSEST) < T::one())
+        .filter(|(s, _)| s.weight * COARSEST < 1.0)
         .min_by_key(|(_, index)| **index);
     match coarse {
         None => Ok(()),
         Some((s, &index)) => Err(Error::TooCoarse {
             what: "sigma",
             index,
-            value: s.weight.recip().as_f64(),
+            value: s.weight.recip(),
             bound: COARSEST,
         }),
     }
 }
 
 /// The lowest minimum that samples lead to.
-fn lowest<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+fn lowest(
+    problem: &Problem,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
-    let commons: Vec<Common<T>> = triples::draw(problem, sample::SAMPLE, ALL_TRIPLES, options.seed)
+) -> Result<Settled, Error> {
+    let commons: Vec<Common> = triples::draw(problem, sample::SAMPLE, ALL_TRIPLES, options.seed)
         .into_iter()
         .map(|views| Common::new(problem, views))
         .collect();
     if commons.is_empty() {
         return from_plain(problem, options, random, progress);
     }
-    let mut found: Vec<(Settled<T>, [usize; 3])> = Vec::new();
+    let mut found: Vec<(Settled, [usize; 3])> = Vec::new();
     for round in 0..ROUNDS {
         if !tell(progress, "search", round, ROUNDS) {
             return Err(Error::Interrupted);
         }
         let some = commons.iter().cycle().skip(round * TRIPLES % commons.len());
-        let mut seeds: Vec<Seed<T>> = some
+        let mut seeds: Vec<Seed> = some
             .take(TRIPLES)
             .filter_map(|common| common.best_seed(SAMPLES, random))
             .collect();
@@ -275,13 +274,13 @@ fn lowest<T: Real>(
 }
 
 /// The best of some minima, once sightings have been exchanged in the lowest few.
-fn polished<T: Real>(
-    problem: &Problem<T>,
-    found: Vec<(Settled<T>, [usize; 3])>,
-    options: &SolveOptions<T>,
-) -> Result<Settled<T>, Error> {
-    let mut found: Vec<Settled<T>> = found.into_iter().map(|(settled, _)| settled).collect();
-    found.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+fn polished(
+    problem: &Problem,
+    found: Vec<(Settled, [usize; 3])>,
+    options: &SolveOptions,
+) -> Result<Settled, Error> {
+    let mut found: Vec<Settled> = found.into_iter().map(|(settled, _)| settled).collect();
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
     found.truncate(POLISHED);
     let polished: Result<Vec<_>, Error> = found
@@ -292,11 +291,7 @@ fn polished<T: Real>(
 }
 
 /// Whether a minimum is as low as any, and another triple of views has led to nearly the same.
-fn confirms<T: Real>(
-    found: &[(Settled<T>, [usize; 3])],
-    settled: &Settled<T>,
-    views: [usize; 3],
-) -> bool {
+fn confirms(found: &[(Settled, [usize; 3])], settled: &Settled, views: [usize; 3]) -> bool {
     found
         .iter()
         .all(|(other, _)| other.cost >= settled.cost || other.agrees(settled, CONFIRMS))
@@ -306,19 +301,19 @@ fn confirms<T: Real>(
 }
 
 /// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
-fn good_samples<T: Real>(best: &Settled<T>) -> f64 {
+fn good_samples(best: &Settled) -> f64 {
     let inliers = best.inliers.iter().filter(|inlier| **inlier).count();
     let share = inliers as f64 / best.inliers.len() as f64;
     (0..3 * sample::SAMPLE).fold(1.0, |product, _| product * share)
 }
 
 /// The minimum that the plain hypotheses lead to: for problems too small for samples.
-fn from_plain<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+fn from_plain(
+    problem: &Problem,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
+) -> Result<Settled, Error> {
     let search = super::Search::default();
     let hypotheses = search::search(problem, search, options.seed, progress)?;
     let mut found = Vec::new();
@@ -337,34 +332,32 @@ fn from_plain<T: Real>(
 }
 
 /// The one with the least cost.
-fn best_of<T: Real, S: core::borrow::Borrow<Settled<T>>>(
-    found: impl Iterator<Item = S>,
-) -> Result<S, Error> {
+fn best_of<S: core::borrow::Borrow<Settled>>(found: impl Iterator<Item = S>) -> Result<S, Error> {
     found
         .min_by(|a, b| {
-            let [a, b] = [a, b].map(|settled| settled.borrow().cost.as_f64());
+            let [a, b] = [a, b].map(|settled| settled.borrow().cost);
             a.total_cmp(&b)
         })
         .ok_or(NOTHING)
 }
 
 /// The motions of a seed that are worth growing: both, unless the signs of the bearings decide.
-fn branches<'a, T: Real>(
-    problem: &Problem<T>,
-    seed: &'a Seed<T>,
-) -> impl Iterator<Item = &'a Motion<T>> + use<'a, T> {
+fn branches<'a>(
+    problem: &Problem,
+    seed: &'a Seed,
+) -> impl Iterator<Item = &'a Motion<f64>> + use<'a> {
     let rivals = triples::are_rivals(problem, &seed.motions, 2 * seed.landmarks.len());
     seed.motions.iter().take(1 + usize::from(rivals))
 }
 
 /// Lowers the best map as far as single changes go.
-fn improve<T: Real>(
-    problem: &Problem<T>,
-    mut best: Settled<T>,
-    options: &SolveOptions<T>,
+fn improve(
+    problem: &Problem,
+    mut best: Settled,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
+) -> Result<Settled, Error> {
     loop {
         if !tell(progress, "improve", 0, 1) {
             return Err(Error::Interrupted);
@@ -382,12 +375,12 @@ fn improve<T: Real>(
 
 /// The best map and its rivals, once the plain search has seen the inliers: it knows the second motion
 /// of three views, and on good bearings robust and plain solve agree.
-fn last_word<T: Real>(
-    problem: &Problem<T>,
-    best: Settled<T>,
-    options: &SolveOptions<T>,
+fn last_word(
+    problem: &Problem,
+    best: Settled,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Settled<T>>, Error> {
+) -> Result<Vec<Settled>, Error> {
     let plain = SolveOptions {
         robust: false,
         ..*options
@@ -411,13 +404,13 @@ fn last_word<T: Real>(
         // What the plain search cannot solve may still have been found.
         Err(_) => {}
     }
-    all.sort_by(|a, b| a.cost.as_f64().total_cmp(&b.cost.as_f64()));
+    all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     // Where they are the same, the map of the plain search is the one.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
-    let mut distinct: Vec<Settled<T>> = Vec::new();
+    let mut distinct: Vec<Settled> = Vec::new();
     for settled in all {
-        let limit = distinct.first().map(|best| best.cost + T::lit(RIVAL));
+        let limit = distinct.first().map(|best| best.cost + RIVAL);
         if limit.is_none_or(|limit| settled.cost < limit)
             && distinct.iter().all(|other| !other.is_same(&settled))
         {
@@ -428,10 +421,10 @@ fn last_word<T: Real>(
 }
 
 /// What is known of a map: made from its inliers, with the residuals of all.
-fn reconstruction<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Reconstruction<T> {
+fn reconstruction(problem: &Problem, best: &Settled) -> Reconstruction {
     let kept = problem.subset(&best.inliers);
     let mut found = Reconstruction::new(&kept, &best.map, best.report.clone());
-    let map: Map<T> = found.map.clone();
+    let map: Map = found.map.clone();
     bounded::take_out_unbounded(&kept, &mut found);
     assess(&kept, &mut found);
     found.cost = best.cost;

@@ -8,7 +8,6 @@ use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
@@ -16,16 +15,16 @@ pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
 /// A first map.
-pub struct Hypothesis<T: Real> {
-    pub map: Map<T>,
+pub struct Hypothesis {
+    pub map: Map,
     /// Number of the triple that it has been grown from.
     pub triple: usize,
 }
 
 /// First maps.
-pub struct Hypotheses<T: Real> {
+pub struct Hypotheses {
     /// Best first.
-    pub maps: Vec<Hypothesis<T>>,
+    pub maps: Vec<Hypothesis>,
     /// Whether the problem has one solution in general: more than three views, more than four
     /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
     pub unique: bool,
@@ -36,15 +35,15 @@ pub struct Hypotheses<T: Real> {
 }
 
 /// Maps with their scores.
-type Scored<T> = Vec<(f64, Hypothesis<T>)>;
+type Scored = Vec<(f64, Hypothesis)>;
 
 /// Maps grown from many triples of views, the best score first.
-pub fn search<T: Real>(
-    problem: &Problem<T>,
+pub fn search(
+    problem: &Problem,
     search: Search,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Hypotheses<T>, Error> {
+) -> Result<Hypotheses, Error> {
     if problem.views() < 3 {
         return Err(Error::TooFew {
             what: "views",
@@ -74,12 +73,12 @@ pub fn search<T: Real>(
         }
         let (triples, _) = common_bearings(problem, views);
         match CalibratedTensor::estimate(&triples, 0) {
-            Ok(tensor) => seeds.push((tensor.quality().as_f64(), triples, views)),
+            Ok(tensor) => seeds.push((tensor.quality(), triples, views)),
             Err(error) => failure = Some(error),
         }
     }
     seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut scored: Scored<T> = Vec::new();
+    let mut scored: Scored = Vec::new();
     let total = seeds.len().min(search.grown);
     for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
         if !tell(progress, "grow", triple, total) {
@@ -95,7 +94,7 @@ pub fn search<T: Real>(
                         map.poses[view] = Some(pose);
                     }
                     grow(problem, &mut map);
-                    let score = score(problem, &map).as_f64();
+                    let score = score(problem, &map);
                     scored.push((score, Hypothesis { map, triple }));
                 }
             }
@@ -123,9 +122,9 @@ pub fn search<T: Real>(
     })
 }
 
-impl<T: Real> Hypotheses<T> {
+impl Hypotheses {
     /// Maps from elsewhere.
-    pub fn of<const N: usize>(maps: [Map<T>; N]) -> Self {
+    pub fn of<const N: usize>(maps: [Map; N]) -> Self {
         Self {
             maps: maps.map(|map| Hypothesis { map, triple: 0 }).into(),
             unique: false,
@@ -140,10 +139,10 @@ impl<T: Real> Hypotheses<T> {
     /// [`Error::Interrupted`] when `progress` says so.
     pub fn widened(
         &self,
-        problem: &Problem<T>,
+        problem: &Problem,
         swept: usize,
         progress: &mut Option<Progress<'_>>,
-    ) -> Result<Vec<Hypothesis<T>>, Error> {
+    ) -> Result<Vec<Hypothesis>, Error> {
         let triples = &self.triples[..swept.min(self.triples.len())];
         Ok(distinct(sweep(
             problem,
@@ -155,31 +154,31 @@ impl<T: Real> Hypotheses<T> {
 }
 
 /// Maps along the circles of some triples.
-fn sweep<T: Real>(
-    problem: &Problem<T>,
+fn sweep(
+    problem: &Problem,
     triples: &[[usize; 3]],
     circle: Circle,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Scored<T>, Error> {
+) -> Result<Scored, Error> {
     let mut scored = Vec::new();
     for (triple, &views) in triples.iter().enumerate() {
         if !tell(progress, "search", triple, triples.len()) {
             return Err(Error::Interrupted);
         }
         let found = along_circle(problem, views, circle).into_iter();
-        scored.extend(found.map(|(score, map)| (score.as_f64(), Hypothesis { map, triple })));
+        scored.extend(found.map(|(score, map)| (score, Hypothesis { map, triple })));
     }
     Ok(scored)
 }
 
 /// Hypotheses by their scores, the best first.
-fn ranked<T: Real>(mut scored: Scored<T>) -> Vec<Hypothesis<T>> {
+fn ranked(mut scored: Scored) -> Vec<Hypothesis> {
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.into_iter().map(|(_, found)| found).collect()
 }
 
 /// What to say when no three views share enough landmarks.
-fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
+fn too_few_shared(problem: &Problem) -> Error {
     too_few(
         problem,
         if problem.views() > 3 {
@@ -191,7 +190,7 @@ fn too_few_shared<T: Real>(problem: &Problem<T>) -> Error {
 }
 
 /// The same, for a method that needs so many.
-pub fn too_few<T: Real>(problem: &Problem<T>, needed: usize) -> Error {
+pub fn too_few(problem: &Problem, needed: usize) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
         needed,
@@ -200,13 +199,13 @@ pub fn too_few<T: Real>(problem: &Problem<T>, needed: usize) -> Error {
 }
 
 /// The best of each cluster of maps, up to [`MAX_DISTINCT`].
-fn distinct<T: Real>(scored: Scored<T>) -> Vec<Hypothesis<T>> {
-    let mut kept: Vec<(Hypothesis<T>, Map<T>)> = Vec::new();
+fn distinct(scored: Scored) -> Vec<Hypothesis> {
+    let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
     for found in ranked(scored) {
         let normalized = found.map.normalized();
         if kept
             .iter()
-            .all(|(_, other)| !near(&normalized, other, T::lit(CLUSTER)))
+            .all(|(_, other)| !near(&normalized, other, CLUSTER))
         {
             kept.push((found, normalized));
             if kept.len() == MAX_DISTINCT {
@@ -228,7 +227,7 @@ const CLUSTER: f64 = 0.05;
 const MAX_DISTINCT: usize = 60;
 
 /// Whether all poses of two normalised maps differ by less than a bound.
-pub fn near<T: Real>(a: &Map<T>, b: &Map<T>, near: T) -> bool {
+pub fn near(a: &Map, b: &Map, near: f64) -> bool {
     a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
         (Some(a), Some(b)) => {
             (a.translation.vector - b.translation.vector).norm() < near

@@ -9,7 +9,6 @@ use super::result::Reconstruction;
 use super::search::{self, MIN_SHARED};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, Subject, Why};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Parts of the rule of [`is_limited`].
@@ -22,7 +21,7 @@ const FILLED: f64 = 0.6;
 ///
 /// A triple of views then knows little of the whole, and a map that is grown from it without refinement
 /// in between drifts. Views and landmarks without sightings do not count.
-fn is_limited<T: Real>(problem: &Problem<T>) -> bool {
+fn is_limited(problem: &Problem) -> bool {
     let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
     let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
     let (views, landmarks) = (views.count(), landmarks.count());
@@ -31,7 +30,7 @@ fn is_limited<T: Real>(problem: &Problem<T>) -> bool {
 }
 
 /// The strategy that is followed: the search gives way to growth under limited sight.
-fn followed<T: Real>(problem: &Problem<T>, strategy: Strategy) -> Strategy {
+fn followed(problem: &Problem, strategy: Strategy) -> Strategy {
     match strategy {
         Strategy::Search(_) if is_limited(problem) => Strategy::Incremental,
         other => other,
@@ -43,11 +42,11 @@ fn followed<T: Real>(problem: &Problem<T>, strategy: Strategy) -> Strategy {
 ///
 /// # Errors
 /// As [`solve`](super::solve).
-pub fn maps<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn maps(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Reconstruction<T>>, Error> {
+) -> Result<Vec<Reconstruction>, Error> {
     let SolveOptions { refine, seed, .. } = options;
     match followed(problem, options.strategy) {
         Strategy::Incremental => incremental::grow(problem, refine, *seed, progress),
@@ -63,11 +62,11 @@ pub fn maps<T: Real>(
 ///
 /// # Errors
 /// As [`initialize`](super::initialize).
-pub fn first_map<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn first_map(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Map<T>>, Error> {
+) -> Result<Option<Map>, Error> {
     let SolveOptions { refine, seed, .. } = options;
     match followed(problem, options.strategy) {
         Strategy::Incremental => incremental::first(problem, refine, *seed, progress),
@@ -80,7 +79,7 @@ pub fn first_map<T: Real>(
 }
 
 /// Why growth and the global method have found no map.
-pub fn no_map<T: Real>(problem: &Problem<T>) -> Error {
+pub fn no_map(problem: &Problem) -> Error {
     match search::too_few(problem, MIN_SHARED) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
             quantity: "number of maps with a sighting to spare",
@@ -95,10 +94,7 @@ pub fn no_map<T: Real>(problem: &Problem<T>) -> Error {
 ///
 /// What has a place in any of them is not undetermined. The others list only their landmarks at
 /// infinity.
-pub fn gather<T: Real>(
-    problem: &Problem<T>,
-    maps: Vec<Reconstruction<T>>,
-) -> Option<Reconstruction<T>> {
+pub fn gather(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
     main.components = maps.collect();

@@ -14,7 +14,8 @@ use crate::error::Error;
 use crate::estimation::{
     Map, Problem, RefineOptions, Report, Subject, Termination, Why, cost, refine_map, sensitivity,
 };
-use crate::scalar::Real;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use alloc::vec::Vec;
 
 /// A linear map without refinement: a start for a solver of one's own.
@@ -41,11 +42,11 @@ use alloc::vec::Vec;
 /// assert!(found.cost < start.cost);
 /// # Ok::<(), bearslam::Error>(())
 /// ```
-pub fn initialize<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn initialize(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     let mut progress = progress;
     let (hypotheses, count) = match sight::first_map(problem, options, &mut progress)? {
         Some(map) => (Hypotheses::of([map]), 1),
@@ -87,12 +88,12 @@ pub fn initialize<T: Real>(
 ///
 /// # Errors
 /// As [`refine_map`](crate::refine_map).
-pub fn refine<T: Real>(
-    problem: &Problem<T>,
-    start: &Map<T>,
-    options: &RefineOptions<T>,
+pub fn refine(
+    problem: &Problem,
+    start: &Map,
+    options: &RefineOptions,
     progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
@@ -145,11 +146,11 @@ pub fn refine<T: Real>(
 /// assert!(found.uncertainty < 0.1);
 /// # Ok::<(), bearslam::Error>(())
 /// ```
-pub fn solve<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn solve(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     let best = best(problem, options, progress)?;
     if options.robust {
         return Ok(best);
@@ -158,11 +159,11 @@ pub fn solve<T: Real>(
 }
 
 /// The map of [`solve`], not yet tested for free directions.
-pub fn best<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+pub fn best(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: Option<Progress<'_>>,
-) -> Result<Reconstruction<T>, Error> {
+) -> Result<Reconstruction, Error> {
     if !problem.ties().is_empty() {
         return solve_posterior(problem, options, progress);
     }
@@ -225,19 +226,16 @@ pub fn best<T: Real>(
 }
 
 /// Fills in sensitivity and uncertainty.
-pub(super) fn assess<T: Real>(problem: &Problem<T>, found: &mut Reconstruction<T>) {
+pub(super) fn assess(problem: &Problem, found: &mut Reconstruction) {
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
-        let variance = T::lit(2.0) * found.cost / T::lit(found.freedom as f64);
-        found.uncertainty = found.sensitivity * variance.sqrt().as_f64();
+        let variance = 2.0 * found.cost / (found.freedom as f64);
+        found.uncertainty = found.sensitivity * variance.sqrt();
     }
 }
 
 /// Tests the best map for directions that the bearings leave free.
-fn judge<T: Real>(
-    problem: &Problem<T>,
-    mut best: Reconstruction<T>,
-) -> Result<Reconstruction<T>, Error> {
+fn judge(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruction, Error> {
     assess(problem, &mut best);
     refuse_free(problem, &best)?;
     Ok(best)
@@ -247,19 +245,16 @@ fn judge<T: Real>(
 ///
 /// Odometry and priors may hold what bearings do not, however loosely beside them: with these it is
 /// `diagnose` and the covariance that tell.
-pub(super) fn refuse_free<T: Real>(
-    problem: &Problem<T>,
-    best: &Reconstruction<T>,
-) -> Result<(), Error> {
+pub(super) fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
     if !problem.ties().is_empty() {
         return Ok(());
     }
     // Beyond this the number is rounding itself.
-    let bound = 1.0 / (8.0 * T::eps().sqrt().as_f64());
+    let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
     // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
     // the uncertainty says so.
-    if !(per_radian < bound) && best.rms < T::eps().sqrt() {
+    if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
         return Err(Error::Degenerate {
             quantity: "sensitivity of the map to bearing noise, in map sizes per radian,",
             value: per_radian,
@@ -270,20 +265,20 @@ pub(super) fn refuse_free<T: Real>(
 }
 
 /// Root mean square of one over sigma.
-fn mean_weight<T: Real>(problem: &Problem<T>) -> f64 {
+fn mean_weight(problem: &Problem) -> f64 {
     let sightings = problem.sightings();
     let sum = sightings
         .iter()
-        .fold(T::zero(), |sum, s| sum + s.weight * s.weight);
-    (sum / T::lit(sightings.len() as f64)).sqrt().as_f64()
+        .fold(0.0, |sum, s| sum + s.weight * s.weight);
+    (sum / (sightings.len() as f64)).sqrt()
 }
 
 /// First maps, by the strategy of the options.
-fn hypotheses<T: Real>(
-    problem: &Problem<T>,
-    options: &SolveOptions<T>,
+fn hypotheses(
+    problem: &Problem,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Hypotheses<T>, Error> {
+) -> Result<Hypotheses, Error> {
     match options.strategy {
         Strategy::FirstViews(method) => Ok(Hypotheses::of(paper::follow(problem, method)?)),
         Strategy::Search(search) => search::search(problem, search, options.seed, progress),
@@ -293,16 +288,13 @@ fn hypotheses<T: Real>(
 }
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
-fn choose<T: Real>(
-    problem: &Problem<T>,
-    mut found: Vec<Reconstruction<T>>,
-) -> Result<Reconstruction<T>, Error> {
+fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Reconstruction, Error> {
     // Per degree of freedom, for maps need not explain the same sightings.
-    let variance = |found: &Reconstruction<T>| found.cost.as_f64() / found.freedom.max(1) as f64;
+    let variance = |found: &Reconstruction| found.cost / found.freedom.max(1) as f64;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    let tiny = (T::eps() * T::lit(mean_weight(problem) * mean_weight(problem))).as_f64();
+    let tiny = f64::EPSILON * (mean_weight(problem) * mean_weight(problem));
     // Of those that fit about as well as the best, the one that reaches most.
-    let rank = |found: &Reconstruction<T>| {
+    let rank = |found: &Reconstruction| {
         let variance = variance(found);
         let fits = variance <= least * AS_GOOD + tiny;
         (!fits, if fits { missing(found) } else { 0 }, variance)
@@ -331,7 +323,7 @@ fn choose<T: Real>(
 }
 
 /// Views and landmarks that a map does not reach.
-fn missing<T: Real>(found: &Reconstruction<T>) -> usize {
+fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }
 

@@ -3,7 +3,6 @@
 
 use crate::estimation::Problem;
 use crate::kernels::{Motion, Triple};
-use crate::scalar::Real;
 use alloc::collections::BTreeSet;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -25,7 +24,7 @@ struct Sight {
 }
 
 impl Sight {
-    fn new<T: Real>(problem: &Problem<T>, needed: usize) -> Self {
+    fn new(problem: &Problem, needed: usize) -> Self {
         let views: Vec<usize> = (0..problem.views())
             .filter(|&view| problem.of_view(view).len() >= needed)
             .collect();
@@ -69,19 +68,14 @@ impl Sight {
 }
 
 /// The most landmarks that any three views share, among the first few dozen views.
-pub fn most_shared<T: Real>(problem: &Problem<T>) -> usize {
+pub fn most_shared(problem: &Problem) -> usize {
     let sight = Sight::new(problem, 1);
     let all = sight.triples(LISTED_VIEWS).map(|slots| sight.common(slots));
     all.max().unwrap_or(0)
 }
 
 /// Up to `count` different triples of views that share at least `needed` landmarks, in random order.
-pub fn draw<T: Real>(
-    problem: &Problem<T>,
-    needed: usize,
-    count: usize,
-    seed: u64,
-) -> Vec<[usize; 3]> {
+pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[usize; 3]> {
     let sight = Sight::new(problem, needed);
     let views = sight.views.len();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -133,10 +127,7 @@ pub fn draw<T: Real>(
 }
 
 /// The bearings of the landmarks that three views share, and which these are.
-pub fn common_bearings<T: Real>(
-    problem: &Problem<T>,
-    views: [usize; 3],
-) -> (Vec<Triple<T>>, Vec<usize>) {
+pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>>, Vec<usize>) {
     let [first, second, third] = views.map(|view| problem.of_view(view));
     let (mut j, mut k) = (0, 0);
     let mut triples = Vec::with_capacity(first.len());
@@ -161,7 +152,7 @@ pub fn common_bearings<T: Real>(
 
 /// Whether the second of two motions may be the right one: it leaves hardly more bearings that point away
 /// than the first, or bearings are lines and their signs tell nothing.
-pub fn are_rivals<T: Real>(problem: &Problem<T>, motions: &[Motion<T>; 2], shared: usize) -> bool {
+pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) -> bool {
     let [first, second] = motions;
     let margin = 1 + shared / 8;
     !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin

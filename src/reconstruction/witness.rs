@@ -10,18 +10,19 @@ use super::solve::{best, refine};
 use super::triples::{common_bearings, draw};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions, Undetermined};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::kernels::{Method, three_view};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// A map and how it explains the bearings.
-pub struct Witness<T: Real> {
-    pub map: Map<T>,
+pub struct Witness {
+    pub map: Map,
     /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
     pub variance: f64,
     pub undetermined: Vec<Undetermined>,
     /// Other maps that explain the bearings about as well.
-    pub others: Vec<Map<T>>,
+    pub others: Vec<Map>,
     /// The least variance of the rivals that the search has found.
     pub rival: f64,
 }
@@ -42,10 +43,10 @@ const REFINED: usize = 12;
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::TooLarge`] as the refinement.
-pub fn witness<T: Real>(
-    problem: &Problem<T>,
+pub fn witness(
+    problem: &Problem,
     progress: Option<Progress<'_>>,
-) -> Result<Option<Witness<T>>, Error> {
+) -> Result<Option<Witness>, Error> {
     let found = match best(problem, &SolveOptions::default(), progress) {
         Ok(found) => found,
         Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
@@ -64,7 +65,7 @@ pub fn witness<T: Real>(
     let rival = rivals
         .map(|rival| variance(rival.cost, rival.freedom))
         .fold(f64::INFINITY, f64::min);
-    let mut others: Vec<Map<T>> = found.alternatives.into_iter().map(|r| r.map).collect();
+    let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
     // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
     if problem.landmarks() == MIN_SHARED {
         others.extend(explaining(problem).into_iter().map(|other| other.map));
@@ -81,7 +82,7 @@ pub fn witness<T: Real>(
 /// Refined maps along the circles of tensors of some views, those that reach most and explain the
 /// bearings about as well as the best of them; the most compact first, for at the edge of a family
 /// landmarks run away.
-pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
+pub fn explaining(problem: &Problem) -> Vec<Reconstruction> {
     let circle = if problem.landmarks() == MIN_SHARED {
         Circle::WHOLE
     } else {
@@ -94,7 +95,7 @@ pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
     for views in draw(problem, MIN_SHARED, TRIPLES, 0) {
         scored.extend(along_circle(problem, views, circle));
     }
-    scored.sort_by(|a, b| a.0.as_f64().total_cmp(&b.0.as_f64()));
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let options = RefineOptions::default();
     let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
     let mut found: Vec<_> = maps
@@ -102,9 +103,9 @@ pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
         .collect();
     let fewest = found.iter().map(|r| r.undetermined.len()).min();
     found.retain(|r| Some(r.undetermined.len()) == fewest);
-    let rms = found.iter().map(|r| r.rms.as_f64());
-    let bound = AS_GOOD * rms.fold(f64::INFINITY, f64::min) + T::eps().sqrt().as_f64();
-    found.retain(|r| r.rms.as_f64() <= bound);
+    let rms = found.iter().map(|r| r.rms);
+    let bound = AS_GOOD * rms.fold(f64::INFINITY, f64::min) + f64::EPSILON.sqrt();
+    found.retain(|r| r.rms <= bound);
     found.sort_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)));
     found
 }
@@ -113,16 +114,16 @@ pub fn explaining<T: Real>(problem: &Problem<T>) -> Vec<Reconstruction<T>> {
 const AS_GOOD: f64 = 3.0;
 
 /// Distance of the farthest point of a normalised map from the origin: the views are about 1 away.
-fn sprawl<T: Real>(map: &Map<T>) -> f64 {
+fn sprawl(map: &Map) -> f64 {
     let views = map.poses.iter().flatten().map(|p| p.translation.vector);
     let landmarks = map.landmarks.iter().flatten().map(|p| p.coords);
-    let distances = views.chain(landmarks).map(|p| p.norm().as_f64());
+    let distances = views.chain(landmarks).map(|p| p.norm());
     distances.fold(0.0, f64::max)
 }
 
 /// Costs per degree of freedom of the other branch of three views, refined: those of both branches that
 /// are not the given map.
-pub fn mirror_images<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Vec<f64> {
+pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
     if problem.views() != 3 {
         return Vec::new();
     }
@@ -148,12 +149,12 @@ pub fn mirror_images<T: Real>(problem: &Problem<T>, map: &Map<T>) -> Vec<f64> {
     costs
 }
 
-fn variance<T: Real>(cost: T, freedom: usize) -> f64 {
-    2.0 * cost.as_f64() / freedom.max(1) as f64
+fn variance(cost: f64, freedom: usize) -> f64 {
+    2.0 * cost / freedom.max(1) as f64
 }
 
 /// Three views to tie a map to: of some that share five landmarks, or four, the best connected.
-pub fn seed<T: Real>(problem: &Problem<T>) -> Option<[usize; 3]> {
+pub fn seed(problem: &Problem) -> Option<[usize; 3]> {
     [5, 4].into_iter().find_map(|needed| {
         let drawn = draw(problem, needed, 24, 0);
         drawn

@@ -3,7 +3,8 @@
 
 use super::Scene;
 use crate::estimation::{Problem, aligned_variances};
-use nalgebra::ComplexField;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 
 /// The Cramer-Rao bound on the errors of a map, in the measure of [`Errors`](super::Errors).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +33,7 @@ impl Scene {
         let (views, landmarks) = (self.poses.len(), self.landmarks.len());
         let problem = Problem::dense(views, landmarks, &self.bearings, 1.0).ok()?;
         let variances = aligned_variances(&problem, &self.map())?;
-        let mean = |sum: f64, count: usize| ComplexField::sqrt(sum / count as f64) * noise;
+        let mean = |sum: f64, count: usize| (sum / count as f64).sqrt() * noise;
         Some(Bound {
             position_rms: mean(variances.positions, views + landmarks),
             heading_rms: mean(variances.headings, views),

@@ -4,10 +4,11 @@
 use super::Scene;
 use crate::error::Error;
 use crate::estimation::Map;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::{align, transform_pose};
-use crate::scalar::Real;
 use alloc::vec::Vec;
-use nalgebra::{ComplexField, Point2, Translation2, UnitComplex, Vector2};
+use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 
 /// Errors of a map against the truth, after the similarity that fits all positions best.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +39,7 @@ impl Scene {
     /// assert!(scene.errors(&found.map)?.position_max < 1e-9);
     /// # Ok::<(), bearslam::Error>(())
     /// ```
-    pub fn errors<T: Real>(&self, map: &Map<T>) -> Result<Errors, Error> {
+    pub fn errors(&self, map: &Map) -> Result<Errors, Error> {
         for (what, expected, got) in [
             ("poses", self.poses.len(), map.poses.len()),
             ("landmarks", self.landmarks.len(), map.landmarks.len()),
@@ -51,7 +52,7 @@ impl Scene {
                 });
             }
         }
-        let wide = |v: &Vector2<T>| Point2::new(v.x.as_f64(), v.y.as_f64());
+        let wide = |v: &Vector2<f64>| Point2::new(v.x, v.y);
         let views = self
             .poses
             .iter()
@@ -78,10 +79,7 @@ impl Scene {
                 let rotation = found.rotation.into_inner();
                 let found = crate::geometry::Pose::from_parts(
                     Translation2::identity(),
-                    UnitComplex::from_complex(nalgebra::Complex::new(
-                        rotation.re.as_f64(),
-                        rotation.im.as_f64(),
-                    )),
+                    UnitComplex::from_complex(nalgebra::Complex::new(rotation.re, rotation.im)),
                 );
                 let found = transform_pose(&similarity, &found);
                 headings.add(found.rotation.angle_to(&truth.rotation).abs());
@@ -112,6 +110,6 @@ impl Tally {
     }
 
     fn rms(&self) -> f64 {
-        ComplexField::sqrt(self.squares / self.count)
+        (self.squares / self.count).sqrt()
     }
 }

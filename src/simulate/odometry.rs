@@ -31,7 +31,7 @@ impl Scene {
     /// assert!((position - step).abs() < 0.05);
     /// # Ok::<(), bearslam::Error>(())
     /// ```
-    pub fn odometry(&self, sigmas: [f64; 3], seed: u64) -> Result<Vec<Odometry<f64>>, Error> {
+    pub fn odometry(&self, sigmas: [f64; 3], seed: u64) -> Result<Vec<Odometry>, Error> {
         if let Some(index) = sigmas.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
             return Err(Error::NotPositive {
                 what: "sigmas",

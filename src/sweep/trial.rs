@@ -190,10 +190,10 @@ impl Trial {
 
 /// The paper's path, refined.
 fn follow(
-    problem: &Problem<f64>,
+    problem: &Problem,
     method: Method,
     progress: Progress<'_>,
-) -> Result<Reconstruction<f64>, Error> {
+) -> Result<Reconstruction, Error> {
     let options = SolveOptions {
         strategy: Strategy::FirstViews(method),
         ..SolveOptions::default()
@@ -203,7 +203,7 @@ fn follow(
 }
 
 /// The cost of a map that accounts for every bearing; infinite for any other.
-fn full_cost(found: &Reconstruction<f64>) -> f64 {
+fn full_cost(found: &Reconstruction) -> f64 {
     if found
         .undetermined
         .iter()

@@ -30,7 +30,7 @@ fn wall(views: usize, landmarks: usize) -> Scene {
     }
 }
 
-fn problem(scene: &Scene) -> Problem<f64> {
+fn problem(scene: &Scene) -> Problem {
     Problem::dense(
         scene.poses.len(),
         scene.landmarks.len(),

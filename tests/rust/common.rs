@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Scenes as problems, and distances from the truth.
 
-use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Real, Scene, Triple, simulate};
+use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Scene, Triple, simulate};
 use nalgebra::Point2;
 
 pub const LAYOUTS: [Layout; 2] = [Layout::Mixed, Layout::Enclosed];
@@ -19,16 +19,16 @@ pub fn scene(layout: Layout, views: usize, landmarks: usize, noise_deg: f64, see
     .unwrap()
 }
 
-pub fn problem(scene: &Scene) -> Problem<f64> {
+pub fn problem(scene: &Scene) -> Problem {
     let landmarks = scene.landmarks.len();
     Problem::dense(scene.poses.len(), landmarks, &scene.bearings, 1.0).unwrap()
 }
 
-pub fn truth(scene: &Scene) -> Map<f64> {
+pub fn truth(scene: &Scene) -> Map {
     map(&scene.poses, &scene.landmarks)
 }
 
-pub fn map(poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> Map<f64> {
+pub fn map(poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> Map {
     Map {
         poses: poses.iter().copied().map(Some).collect(),
         landmarks: landmarks.iter().copied().map(Some).collect(),
@@ -44,7 +44,7 @@ pub fn triples(scene: &Scene) -> Vec<Triple<f64>> {
 }
 
 /// Largest distance of a complete map from the truth after alignment, over the size of the arena.
-pub fn error<T: Real>(found: &Map<T>, scene: &Scene) -> f64 {
+pub fn error(found: &Map, scene: &Scene) -> f64 {
     assert!(found.is_complete());
     scene.errors(found).unwrap().position_max / Arena::default().width
 }

@@ -4,7 +4,7 @@
 use super::common;
 use super::shapes::{DEGENERATE, Draw, Drawn, HARMLESS};
 use bearslam::{
-    Diagnosis, Error, Kind, Map, Pose, Problem, Real, Severity, Sighting, SolveOptions, bearing_to,
+    Diagnosis, Error, Kind, Map, Pose, Problem, Severity, Sighting, SolveOptions, bearing_to,
     diagnose, pose, solve,
 };
 use nalgebra::Point2;
@@ -262,7 +262,7 @@ fn walk(views: usize) -> Vec<Pose<f64>> {
     (0..views).map(|k| at(k as f64)).collect()
 }
 
-fn sight(poses: &[Pose<f64>], points: &[Point2<f64>], pairs: &[(usize, usize)]) -> Problem<f64> {
+fn sight(poses: &[Pose<f64>], points: &[Point2<f64>], pairs: &[(usize, usize)]) -> Problem {
     let sightings: Vec<_> = pairs
         .iter()
         .map(|&(view, landmark)| Sighting {
@@ -414,9 +414,9 @@ fn three_views_and_a_cubic() {
 /// Whatever comes: an answer.
 #[test]
 fn anything_is_diagnosed() {
-    let empty = Problem::<f64>::new(0, 0, &[]).unwrap();
+    let empty = Problem::new(0, 0, &[]).unwrap();
     assert!(!diagnose(&empty, None, None).unwrap().determined());
-    let unseen = Problem::<f64>::new(4, 5, &[]).unwrap();
+    let unseen = Problem::new(4, 5, &[]).unwrap();
     assert!(named(
         &diagnose(&unseen, None, None).unwrap(),
         "too_few_sightings"
@@ -478,21 +478,6 @@ fn a_landmark_on_a_view() {
     let found = diagnose(&problem, Some(&common::map(&poses, &points)), None).unwrap();
     assert!(found.findings.is_empty(), "{found}");
     assert!(found.condition < 1e4, "{}", found.condition);
-}
-
-/// Single precision knows walls as well.
-#[test]
-fn single_precision() {
-    let scene = Drawn::new(Draw::Anywhere, Draw::Line, (5, 8), 0.0, 1);
-    let table: Vec<f32> = scene.table.iter().map(|&a| f32::lit(a)).collect();
-    let problem = Problem::dense(5, 8, &table, 1.0).unwrap();
-    let found = diagnose(&problem, None, None).unwrap();
-    assert!(named(&found, "collinear_landmarks"), "{found}");
-    let scene = Drawn::new(Draw::Anywhere, Draw::Anywhere, (5, 8), 0.0, 1);
-    let table: Vec<f32> = scene.table.iter().map(|&a| f32::lit(a)).collect();
-    let problem = Problem::dense(5, 8, &table, 1.0).unwrap();
-    let found = diagnose(&problem, None, None).unwrap();
-    assert!(found.determined(), "{found}");
 }
 
 #[test]

@@ -3,15 +3,15 @@
 
 use crate::common::{LAYOUTS, scene, truth};
 use bearslam::{
-    Bearing, Branch, Error, FixedMap, Layout, Loss, Map, Pose, Problem, Real,
-    RefineOptions, Scene, Termination, Workspace, pose, refine_map,
+    Bearing, Branch, Error, FixedMap, Layout, Loss, Map, Pose, Problem, Real, RefineOptions, Scene,
+    Termination, Workspace, pose, refine_map,
 };
 use nalgebra::Point2;
 
 const SIGMA: f64 = 0.01;
 
 /// The truth, shifted and turned by some centimetres and degrees.
-fn guess(scene: &Scene, size: f64) -> Map<f64> {
+fn guess(scene: &Scene, size: f64) -> Map {
     let mut map = truth(scene);
     let mut phase = 0.0_f64;
     let mut next = || {
@@ -47,7 +47,7 @@ fn sightings<T: Real, const M: usize, const N: usize>(bearings: &[f64]) -> Fixed
     map
 }
 
-fn begin<T: Real, const M: usize, const N: usize>(map: &mut FixedMap<T, M, N>, start: &Map<f64>) {
+fn begin<T: Real, const M: usize, const N: usize>(map: &mut FixedMap<T, M, N>, start: &Map) {
     for (to, from) in map.poses.iter_mut().zip(&start.poses) {
         *to = from.map(|p| {
             pose(
@@ -62,7 +62,7 @@ fn begin<T: Real, const M: usize, const N: usize>(map: &mut FixedMap<T, M, N>, s
     }
 }
 
-fn on_the_heap<T: Real, const M: usize, const N: usize>(map: &FixedMap<T, M, N>) -> Map<f64> {
+fn on_the_heap<T: Real, const M: usize, const N: usize>(map: &FixedMap<T, M, N>) -> Map {
     let double = |p: &Pose<T>| {
         pose(
             p.translation.x.as_f64(),
@@ -82,7 +82,7 @@ fn on_the_heap<T: Real, const M: usize, const N: usize>(map: &FixedMap<T, M, N>)
 
 /// Largest difference between two maps in the gauge of this crate; of what is far away relative to
 /// its distance.
-fn apart(a: &Map<f64>, b: &Map<f64>) -> f64 {
+fn apart(a: &Map, b: &Map) -> f64 {
     let mut worst = 0.0_f64;
     for (a, b) in a.poses.iter().zip(&b.poses) {
         assert_eq!(a.is_some(), b.is_some());
@@ -102,7 +102,7 @@ fn apart(a: &Map<f64>, b: &Map<f64>) -> f64 {
 
 /// Whether a landmark of a map lies on a view or at infinity: minima that no step inside the plane
 /// reaches, which the heap version finds by other means.
-fn on_an_edge(map: &Map<f64>) -> bool {
+fn on_an_edge(map: &Map) -> bool {
     let views = || map.poses.iter().flatten().map(|p| p.translation.vector);
     map.landmarks.iter().flatten().any(|point| {
         point.coords.norm() > 1e4 || views().any(|view| (point.coords - view).norm() < 1e-6)
@@ -174,6 +174,39 @@ fn the_minimum_is_that_of_the_heap() {
         "{tally:?}"
     );
     assert!(tally.worst < 1e-6, "{tally:?}");
+}
+
+#[test]
+fn losses_are_those_of_the_heap() {
+    let mut workspace = Workspace::<f64, 6, 20>::new();
+    let losses = [
+        Loss::Huber(Loss::<f64>::HUBER),
+        Loss::Cauchy(Loss::<f64>::CAUCHY),
+        Loss::Truncated(Loss::<f64>::TRUNCATED),
+    ];
+    for (seed, loss) in (0..30).flat_map(|seed| losses.map(|loss| (seed, loss))) {
+        let scene = scene(LAYOUTS[0], 6, 20, 0.5, seed);
+        let mut bearings = bearings(&scene, true);
+        // Outliers.
+        for k in [5, 47, 93] {
+            bearings[k] += 0.3;
+        }
+        let problem = Problem::dense(6, 20, &bearings, SIGMA).unwrap();
+        let options = RefineOptions {
+            tolerance: 1e-15,
+            loss,
+            ..RefineOptions::default()
+        };
+        let mut expected = guess(&scene, 0.01);
+        let mut map = sightings::<f64, 6, 20>(&bearings);
+        begin(&mut map, &expected);
+        let on_heap = refine_map(&problem, &mut expected, &options, None).unwrap();
+        let found = map.refine(&mut workspace, &options).unwrap();
+        let difference = found.cost / on_heap.cost - 1.0;
+        assert!(difference.abs() < 1e-9, "{seed} {loss:?} {difference:e}");
+        // Its squares count the outliers in full.
+        assert!(map.cost() > 2.0 * found.cost);
+    }
 }
 
 #[test]

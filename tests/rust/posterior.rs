@@ -20,17 +20,17 @@ fn trajectory(views: usize, landmarks: usize, seed: u64) -> Scene {
     simulate(Layout::Trajectory, views, landmarks, NOISE, seed, arena).unwrap()
 }
 
-fn bearings(scene: &Scene) -> Problem<f64> {
+fn bearings(scene: &Scene) -> Problem {
     let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
     Problem::dense(views, landmarks, &scene.bearings, NOISE).unwrap()
 }
 
-fn with_odometry(scene: &Scene, seed: u64) -> Problem<f64> {
+fn with_odometry(scene: &Scene, seed: u64) -> Problem {
     let odometry = scene.odometry(SIGMAS, seed).unwrap();
     bearings(scene).with_odometry(&odometry).unwrap()
 }
 
-fn from_truth(problem: &Problem<f64>, scene: &Scene) -> f64 {
+fn from_truth(problem: &Problem, scene: &Scene) -> f64 {
     let found = refine(problem, &scene.map(), &RefineOptions::default(), None);
     found.unwrap().cost
 }
@@ -444,7 +444,7 @@ fn odometry_carries_views_that_see_nothing() {
     assert!(cov.landmarks[7].is_none());
 }
 
-fn flatten(map: &Map<f64>) -> Vec<f64> {
+fn flatten(map: &Map) -> Vec<f64> {
     let poses = map.poses.iter().flatten();
     let poses = poses.flat_map(|p| [p.translation.x, p.translation.y, p.rotation.angle()]);
     poses

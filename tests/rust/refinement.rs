@@ -7,7 +7,7 @@ use bearslam::{
 };
 
 /// The truth, shifted and turned by some centimetres and degrees.
-fn guess(scene: &bearslam::Scene, size: f64) -> Map<f64> {
+fn guess(scene: &bearslam::Scene, size: f64) -> Map {
     let mut map = truth(scene);
     let mut phase = 0.0_f64;
     let mut next = || {
@@ -67,7 +67,7 @@ fn a_minimum_is_a_minimum() {
     assert!(found.cost < before);
     assert_eq!(found.termination, Termination::Converged);
     // Every parameter moved a little either way raises the cost: the gradient is zero.
-    let cost = |map: &Map<f64>| {
+    let cost = |map: &Map| {
         map.residuals(&problem)
             .flatten()
             .map(|r| 0.5 * r * r)
@@ -125,7 +125,7 @@ fn undamped_is_gauss_newton() {
 fn weights_are_repetitions() {
     // A sighting with half the sigma counts four times.
     let scene = scene(Layout::Mixed, 4, 8, 1.0, 6);
-    let sightings: Vec<Sighting<f64>> = (0..32)
+    let sightings: Vec<Sighting> = (0..32)
         .map(|k| Sighting {
             view: k / 8,
             landmark: k % 8,
@@ -251,13 +251,13 @@ fn the_scale_of_the_start_does_not_matter() {
 }
 
 /// Half the sum of squared residuals, landmarks at infinity included.
-fn cost_of(found: &bearslam::Reconstruction<f64>) -> f64 {
+fn cost_of(found: &bearslam::Reconstruction) -> f64 {
     let residuals = found.residuals.iter();
     residuals.map(|r| r.unwrap().powi(2)).sum::<f64>() / 2.0
 }
 
 /// Distance between the landmark and the view that are nearest to each other.
-fn smallest_range(map: &Map<f64>) -> f64 {
+fn smallest_range(map: &Map) -> f64 {
     let landmarks = || map.landmarks.iter().flatten();
     let ranges =
         map.poses.iter().flatten().flat_map(|pose| {

@@ -233,11 +233,11 @@ impl Drawn {
         Self::measured(poses, landmarks, 0.0, &mut ChaCha8Rng::seed_from_u64(0))
     }
 
-    pub fn problem(&self, sigma: f64) -> Problem<f64> {
+    pub fn problem(&self, sigma: f64) -> Problem {
         Problem::dense(self.poses.len(), self.landmarks.len(), &self.table, sigma).unwrap()
     }
 
-    pub fn truth(&self) -> Map<f64> {
+    pub fn truth(&self) -> Map {
         Map {
             poses: self.poses.iter().copied().map(Some).collect(),
             landmarks: self.landmarks.iter().copied().map(Some).collect(),

@@ -178,7 +178,7 @@ fn missing_sightings_and_what_they_leave_undetermined() {
 #[test]
 fn residuals_are_in_the_order_of_the_input() {
     let scene = scene(Layout::Mixed, 5, 8, 1.0, 9);
-    let mut sightings: Vec<Sighting<f64>> = (0..40)
+    let mut sightings: Vec<Sighting> = (0..40)
         .map(|k| Sighting {
             view: k / 8,
             landmark: k % 8,
@@ -314,7 +314,7 @@ fn landmarks_at_infinity_are_undetermined_and_the_rest_is_kept() {
 fn gaps_in_the_indices_change_nothing() {
     let scene = scene(Layout::Mixed, 4, 9, 0.5, 1);
     let dense = solve(&problem(&scene), &SolveOptions::default(), None).unwrap();
-    let gappy: Vec<Sighting<f64>> = (0..36)
+    let gappy: Vec<Sighting> = (0..36)
         .map(|k| Sighting {
             view: 900 * (k / 9),
             landmark: 70 * (k % 9) + 5,

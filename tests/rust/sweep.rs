@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, problem, scene};
 use bearslam::{
-    Cell, Chunk, Error, Layout, TrialOutcome, Quantity, RefineOptions, Search, SolveOptions, Start,
-    Strategy, Tally, Trial, refine, simulate, solve, sweep,
+    Cell, Chunk, Error, Layout, Quantity, RefineOptions, Search, SolveOptions, Start, Strategy,
+    Tally, Trial, TrialOutcome, refine, simulate, solve, sweep,
 };
 
 fn cell(layout: Layout, views: usize, landmarks: usize, noise_deg: f64) -> Cell {

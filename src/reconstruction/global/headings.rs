@@ -2,7 +2,6 @@
 //! Rotation averaging on the circle.
 
 use super::relative::Relative;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, UnitComplex};
@@ -20,16 +19,16 @@ const CAUCHY: f64 = 2.4 / 0.67;
 /// A spanning tree of the best conditioned triples starts, each further triple attached where it
 /// meets the tree, by the branch that fits; then least squares over all triples on the circle, (T31),
 /// reweighted for outliers, each triple by its nearer branch.
-pub fn average<T: Real>(
+pub fn average(
     views: usize,
-    relatives: &[Relative<T>],
+    relatives: &[Relative],
     group: &[usize],
-) -> Vec<Option<UnitComplex<T>>> {
+) -> Vec<Option<UnitComplex<f64>>> {
     let mut member = vec![usize::MAX; views];
     for (slot, &view) in group.iter().enumerate() {
         member[view] = slot;
     }
-    let relatives: Vec<&Relative<T>> = relatives
+    let relatives: Vec<&Relative> = relatives
         .iter()
         .filter(|relative| relative.views.iter().all(|&view| member[view] < usize::MAX))
         .collect();
@@ -47,17 +46,17 @@ pub fn average<T: Real>(
                 pairs.push((member[a], member[b], error, relative.quality));
             }
         }
-        let mut sizes: Vec<T> = pairs.iter().map(|&(_, _, e, q)| e.abs() * q).collect();
-        sizes.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
+        let mut sizes: Vec<f64> = pairs.iter().map(|&(_, _, e, q)| e.abs() * q).collect();
+        sizes.sort_by(|a, b| a.total_cmp(&b));
         let Some(&median) = sizes.get(sizes.len() / 2) else {
             break;
         };
-        let scale = median * T::lit(CAUCHY) + T::eps();
+        let scale = median * CAUCHY + f64::EPSILON;
         let mut matrix = DMatrix::zeros(group.len(), group.len());
         let mut right = DVector::zeros(group.len());
         for (a, b, error, quality) in pairs {
             let far = error * quality / scale;
-            let weight = quality * quality / (T::one() + far * far);
+            let weight = quality * quality / (1.0 + far * far);
             matrix[(a, a)] += weight;
             matrix[(b, b)] += weight;
             matrix[(a, b)] -= weight;
@@ -78,7 +77,7 @@ pub fn average<T: Real>(
                 heading.renormalize();
             }
         }
-        if right.amax() < T::lit(1e-6).max(T::eps()) {
+        if right.amax() < 1e-6_f64.max(f64::EPSILON) {
             break;
         }
     }
@@ -87,20 +86,17 @@ pub fn average<T: Real>(
 
 /// Of the branches of a triple the one nearer to the headings as they are, and how much the second
 /// heading of each of its pairs (0, 1), (1, 2), (2, 0) is to be turned for it \[rad\].
-fn nearest<T: Real>(
-    relative: &Relative<T>,
-    headings: &[Option<UnitComplex<T>>],
-) -> Option<(T, [T; 3])> {
-    let mut best: Option<(T, [T; 3])> = None;
+fn nearest(relative: &Relative, headings: &[Option<UnitComplex<f64>>]) -> Option<(f64, [f64; 3])> {
+    let mut best: Option<(f64, [f64; 3])> = None;
     let [a, b, c] = relative.views.map(|view| headings[view]);
     let now = [a?, b?, c?];
     for branch in &relative.branches {
-        let errors: [T; 3] = core::array::from_fn(|k| {
+        let errors: [f64; 3] = core::array::from_fn(|k| {
             let next = (k + 1) % 3;
             let wanted = branch[k].inverse() * branch[next];
             ((now[k].inverse() * now[next]).inverse() * wanted).angle()
         });
-        let size = errors.iter().fold(T::zero(), |sum, e| sum + *e * *e);
+        let size = errors.iter().fold(0.0, |sum, e| sum + *e * *e);
         if best.is_none_or(|(least, _)| size < least) {
             best = Some((size, errors));
         }
@@ -109,7 +105,7 @@ fn nearest<T: Real>(
 }
 
 /// First headings: from the best triple without a rival outwards.
-fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Option<UnitComplex<T>>> {
+fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComplex<f64>>> {
     let mut headings = vec![None; views];
     let clear = relatives
         .iter()
@@ -121,7 +117,7 @@ fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Optio
     // Two known views tell the branches of a triple apart; a triple with a rival and one known view
     // waits.
     loop {
-        let attaches = |relative: &&&Relative<T>, fewest: usize| {
+        let attaches = |relative: &&&Relative, fewest: usize| {
             let known = relative
                 .views
                 .iter()
@@ -146,14 +142,14 @@ fn spanning_tree<T: Real>(views: usize, relatives: &[&Relative<T>]) -> Vec<Optio
 
 /// Gives the views of a triple that have no heading theirs, by the branch that agrees with those that
 /// have.
-fn attach<T: Real>(relative: &Relative<T>, headings: &mut [Option<UnitComplex<T>>]) {
-    let mut best: Option<(T, [UnitComplex<T>; 3])> = None;
+fn attach(relative: &Relative, headings: &mut [Option<UnitComplex<f64>>]) {
+    let mut best: Option<(f64, [UnitComplex<f64>; 3])> = None;
     for branch in &relative.branches {
         let turns = (0..3).filter_map(|k| Some(headings[relative.views[k]]? * branch[k].inverse()));
         let Some(turn) = turns.clone().next() else {
             return;
         };
-        let apart = turns.fold(T::zero(), |sum, other| sum + turn.angle_to(&other).abs());
+        let apart = turns.fold(0.0, |sum, other| sum + turn.angle_to(&other).abs());
         if best.is_none_or(|(least, _)| apart < least) {
             best = Some((apart, branch.map(|heading| turn * heading)));
         }

@@ -3,7 +3,6 @@
 
 use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use crate::geometry::Pose;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vector2};
@@ -22,37 +21,37 @@ const NEAREST: f64 = 0.1;
 const SPREAD: f64 = 1e-4;
 
 /// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
-struct Ray<T: Real> {
+struct Ray {
     view: usize,
-    along: Vector2<T>,
-    weight: T,
+    along: Vector2<f64>,
+    weight: f64,
     /// Weight without the range.
-    sharpness: T,
+    sharpness: f64,
 }
 
-impl<T: Real> Ray<T> {
+impl Ray {
     /// The direction at right angles to it, times the weight.
-    fn row(&self) -> Vector2<T> {
+    fn row(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x) * self.weight
     }
 }
 
 /// The rays of one landmark.
-struct Bundle<T: Real> {
+struct Bundle {
     landmark: usize,
-    rays: Vec<Ray<T>>,
-    point: Vector2<T>,
+    rays: Vec<Ray>,
+    point: Vector2<f64>,
 }
 
-impl<T: Real> Bundle<T> {
+impl Bundle {
     /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
-    fn inverse(&self) -> Option<Matrix2<T>> {
+    fn inverse(&self) -> Option<Matrix2<f64>> {
         let mut information = Matrix2::zeros();
         for ray in &self.rays {
             information += ray.row() * ray.row().transpose();
         }
         let trace = information.trace();
-        (information.determinant() > trace * trace * T::lit(SPREAD))
+        (information.determinant() > trace * trace * SPREAD)
             .then(|| information.try_inverse())
             .flatten()
     }
@@ -64,7 +63,7 @@ impl<T: Real> Bundle<T> {
 /// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
 /// positions are the smallest eigenvector of what is left, after the two translations: inverse
 /// iteration, from the direction in which all landmarks move ahead of the views that see them.
-pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>]) -> Option<Map<T>> {
+pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option<Map> {
     let mut slot = vec![usize::MAX; headings.len()];
     let mut views = Vec::new();
     for (view, heading) in headings.iter().enumerate() {
@@ -73,7 +72,7 @@ pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>])
             views.push(view);
         }
     }
-    let mut bundles: Vec<Bundle<T>> = (0..problem.landmarks())
+    let mut bundles: Vec<Bundle> = (0..problem.landmarks())
         .map(|landmark| {
             let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
                 let s = &problem.sightings()[k];
@@ -93,7 +92,7 @@ pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>])
         })
         .filter(|bundle| bundle.rays.len() >= MIN_VIEWS_OF_LANDMARK)
         .collect();
-    let mut positions: Option<DVector<T>> = None;
+    let mut positions: Option<DVector<f64>> = None;
     for _ in 0..ROUNDS {
         positions = Some(round(views.len(), &mut bundles, positions)?);
         reweight(&mut bundles, positions.as_ref()?);
@@ -112,13 +111,13 @@ pub fn solve<T: Real>(problem: &Problem<T>, headings: &[Option<UnitComplex<T>>])
 }
 
 /// Solves the system with the weights as they are; sets the landmarks.
-fn round<T: Real>(
+fn round(
     views: usize,
-    bundles: &mut Vec<Bundle<T>>,
-    start: Option<DVector<T>>,
-) -> Option<DVector<T>> {
-    let mut matrix = DMatrix::<T>::zeros(2 * views, 2 * views);
-    let mut ahead = DVector::<T>::zeros(2 * views);
+    bundles: &mut Vec<Bundle>,
+    start: Option<DVector<f64>>,
+) -> Option<DVector<f64>> {
+    let mut matrix = DMatrix::zeros(2 * views, 2 * views);
+    let mut ahead = DVector::zeros(2 * views);
     bundles.retain(|bundle| bundle.inverse().is_some());
     for bundle in bundles.iter() {
         let inverse = bundle.inverse()?;
@@ -138,7 +137,7 @@ fn round<T: Real>(
                 let other = b.row();
                 let mut factor = -through.dot(&other);
                 if core::ptr::eq(a, b) {
-                    factor += T::one();
+                    factor += 1.0;
                 }
                 for i in 0..2 {
                     for j in 0..2 {
@@ -150,15 +149,15 @@ fn round<T: Real>(
     }
     // The translations get the stiffness of an average view, and everything a little more than
     // rounding.
-    let mean = matrix.diagonal().sum() / T::lit(2.0 * views as f64);
-    let stiffness = mean / T::lit(views as f64);
+    let mean = matrix.diagonal().sum() / (2.0 * views as f64);
+    let stiffness = mean / (views as f64);
     for a in 0..views {
         for b in 0..views {
             matrix[(2 * a, 2 * b)] += stiffness;
             matrix[(2 * a + 1, 2 * b + 1)] += stiffness;
         }
         for i in 2 * a..2 * a + 2 {
-            matrix[(i, i)] += mean * T::eps() * T::lit(100.0);
+            matrix[(i, i)] += mean * f64::EPSILON * 100.0;
         }
     }
     let factor = matrix.cholesky()?;
@@ -166,12 +165,12 @@ fn round<T: Real>(
     for _ in 0..STEPS {
         factor.solve_mut(&mut positions);
         let norm = positions.norm();
-        if !(norm > T::zero() && norm.is_finite()) {
+        if !(norm > 0.0 && norm.is_finite()) {
             return None;
         }
         positions /= norm;
     }
-    if positions.dot(&ahead) < T::zero() {
+    if positions.dot(&ahead) < 0.0 {
         positions.neg_mut();
     }
     for bundle in bundles {
@@ -187,30 +186,30 @@ fn round<T: Real>(
 }
 
 /// Divides the rows by the ranges that have been found.
-fn reweight<T: Real>(bundles: &mut [Bundle<T>], positions: &DVector<T>) {
-    let range = |bundle: &Bundle<T>, ray: &Ray<T>| (bundle.point - at(positions, ray.view)).norm();
-    let mut ranges: Vec<T> = bundles
+fn reweight(bundles: &mut [Bundle], positions: &DVector<f64>) {
+    let range = |bundle: &Bundle, ray: &Ray| (bundle.point - at(positions, ray.view)).norm();
+    let mut ranges: Vec<f64> = bundles
         .iter()
         .flat_map(|bundle| bundle.rays.iter().map(move |ray| range(bundle, ray)))
         .collect();
-    ranges.sort_by(|a, b| a.as_f64().total_cmp(&b.as_f64()));
+    ranges.sort_by(|a, b| a.total_cmp(&b));
     let Some(&median) = ranges.get(ranges.len() / 2) else {
         return;
     };
     for bundle in bundles {
         for k in 0..bundle.rays.len() {
-            let range = range(bundle, &bundle.rays[k]).max(median * T::lit(NEAREST));
+            let range = range(bundle, &bundle.rays[k]).max(median * NEAREST);
             // In units of the median, so that the system keeps its size.
             bundle.rays[k].weight = bundle.rays[k].sharpness * median / range;
         }
     }
 }
 
-fn at<T: Real>(positions: &DVector<T>, view: usize) -> Vector2<T> {
+fn at(positions: &DVector<f64>, view: usize) -> Vector2<f64> {
     Vector2::new(positions[2 * view], positions[2 * view + 1])
 }
 
-fn add<T: Real>(vector: &mut DVector<T>, view: usize, value: Vector2<T>) {
+fn add(vector: &mut DVector<f64>, view: usize, value: Vector2<f64>) {
     vector[2 * view] += value.x;
     vector[2 * view + 1] += value.y;
 }

@@ -6,7 +6,6 @@ use super::super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::Problem;
 use crate::kernels::CalibratedTensor;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::UnitComplex;
@@ -20,23 +19,23 @@ const KEPT: usize = 24;
 const SHARED: [usize; 2] = [6, 5];
 
 /// The headings of three views, up to a common turn.
-pub struct Relative<T: Real> {
+pub struct Relative {
     pub views: [usize; 3],
     /// One or two: both branches where the signs of the bearings leave them possible.
-    pub branches: Vec<[UnitComplex<T>; 3]>,
+    pub branches: Vec<[UnitComplex<f64>; 3]>,
     /// Inversely proportional to the standard deviation of the headings, for equal noise.
-    pub quality: T,
+    pub quality: f64,
 }
 
 /// Triples of views for the averaging, the best conditioned first.
 ///
 /// # Errors
 /// [`Error::Interrupted`]; why no triple can be estimated, when none can.
-pub fn relatives<T: Real>(
-    problem: &Problem<T>,
+pub fn relatives(
+    problem: &Problem,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Relative<T>>, Error> {
+) -> Result<Vec<Relative>, Error> {
     let count = (PER_VIEW * problem.views()).max(FEWEST);
     let mut failure = None;
     let mut found = Vec::new();
@@ -52,7 +51,7 @@ pub fn relatives<T: Real>(
             }
         }
     }
-    found.sort_by(|a: &Relative<T>, b| b.quality.as_f64().total_cmp(&a.quality.as_f64()));
+    found.sort_by(|a: &Relative, b| b.quality.total_cmp(&a.quality));
     match failure {
         Some(error) if found.is_empty() => Err(error),
         _ => {
@@ -73,11 +72,11 @@ pub fn relatives<T: Real>(
 
 /// One triple; `None` when it shares more landmarks than the last of [`SHARED`] asks for and has been
 /// drawn before.
-fn relative<T: Real>(
-    problem: &Problem<T>,
+fn relative(
+    problem: &Problem,
     views: [usize; 3],
     needed: usize,
-) -> Result<Option<Relative<T>>, Error> {
+) -> Result<Option<Relative>, Error> {
     let (triples, _) = common_bearings(problem, views);
     if needed == SHARED[1] && triples.len() > needed {
         return Ok(None);
@@ -97,7 +96,7 @@ fn relative<T: Real>(
 }
 
 /// The sets of views that triples connect, the largest first; views of no triple are in none.
-pub fn groups<T: Real>(views: usize, relatives: &[Relative<T>]) -> Vec<Vec<usize>> {
+pub fn groups(views: usize, relatives: &[Relative]) -> Vec<Vec<usize>> {
     let mut parent: Vec<usize> = (0..views).collect();
     fn root(parent: &mut [usize], mut view: usize) -> usize {
         while parent[view] != view {

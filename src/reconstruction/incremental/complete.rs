@@ -8,7 +8,6 @@ use super::growth::GATES;
 use super::locate;
 use crate::error::Error;
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, Map, Problem, RefineOptions, refine_map};
-use crate::scalar::Real;
 
 /// Refinements of a map, each of which may make room for a view that did not fit before.
 const COMPLETIONS: usize = 3;
@@ -18,14 +17,14 @@ const COMPLETIONS: usize = 3;
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
-pub fn finish<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut map: Map<T>,
+pub fn finish(
+    problem: &Problem,
+    options: &RefineOptions,
+    mut map: Map,
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
-    let mut best: Option<Reconstruction<T>> = None;
+) -> Result<Option<Reconstruction>, Error> {
+    let mut best: Option<Reconstruction> = None;
     for _ in 0..COMPLETIONS {
         // The gauge of a reconstruction is as good as any.
         if let Some(found) = &best {
@@ -52,12 +51,12 @@ pub fn finish<T: Real>(
 }
 
 /// A map refined; `None` when it cannot be.
-fn refined<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut map: Map<T>,
+fn refined(
+    problem: &Problem,
+    options: &RefineOptions,
+    mut map: Map,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
+) -> Result<Option<Reconstruction>, Error> {
     let total = options.max_iterations;
     let mut watch = |done, _| tell(progress, "refine", done, total);
     match refine_map(problem, &mut map, options, Some(&mut watch)) {
@@ -72,7 +71,7 @@ fn refined<T: Real>(
 ///
 /// A landmark whose rays do not meet goes far out along them: the refinement tells whether it is at
 /// infinity.
-fn complete<T: Real>(problem: &Problem<T>, map: &mut Map<T>, allowed: &[bool]) {
+fn complete(problem: &Problem, map: &mut Map, allowed: &[bool]) {
     let noise = noise(problem, map);
     // Landmarks, the views that need them, the landmarks that need these.
     for _ in 0..2 {
@@ -82,7 +81,7 @@ fn complete<T: Real>(problem: &Problem<T>, map: &mut Map<T>, allowed: &[bool]) {
                 let far = locate::far_out(problem, map, landmark);
                 let places = met.into_iter().chain(far);
                 let best = places.min_by(|a, b| {
-                    let [a, b] = [a, b].map(|(_, fit)| fit.squares.as_f64());
+                    let [a, b] = [a, b].map(|(_, fit)| fit.squares);
                     a.total_cmp(&b)
                 });
                 map.landmarks[landmark] = best.map(|(point, _)| point);

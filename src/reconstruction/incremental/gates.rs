@@ -4,8 +4,9 @@
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
 use crate::estimation::{Map, Problem};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
-use crate::scalar::Real;
 use nalgebra::{Matrix2, Point2, Vector2};
 
 /// Noise \[rad\] that is expected before anything has been measured: a good degree, and for how many
@@ -15,15 +16,15 @@ const EXPECTED_COUNT: f64 = 6.0;
 
 /// Sum of squared residuals over sigma, and their number.
 #[derive(Clone, Copy, Debug)]
-pub struct Fit<T: Real> {
-    pub squares: T,
+pub struct Fit {
+    pub squares: f64,
     pub count: usize,
 }
 
-impl<T: Real> Fit<T> {
-    fn of(residuals: impl Iterator<Item = T>) -> Self {
+impl Fit {
+    fn of(residuals: impl Iterator<Item = f64>) -> Self {
         let nothing = Self {
-            squares: T::zero(),
+            squares: 0.0,
             count: 0,
         };
         residuals.fold(nothing, |fit, r| Self {
@@ -33,7 +34,7 @@ impl<T: Real> Fit<T> {
     }
 
     /// A view at a pose, over the landmarks that have a place.
-    pub fn of_view(problem: &Problem<T>, map: &Map<T>, view: usize, pose: &Pose<T>) -> Self {
+    pub fn of_view(problem: &Problem, map: &Map, view: usize, pose: &Pose<f64>) -> Self {
         let seen = problem.of_view(view).iter();
         Self::of(seen.filter_map(|s| {
             Some(problem.residual(pose, &map.landmarks[s.landmark]?, s) * s.weight)
@@ -41,12 +42,7 @@ impl<T: Real> Fit<T> {
     }
 
     /// A landmark at a place, over the views that have a pose.
-    pub fn of_landmark(
-        problem: &Problem<T>,
-        map: &Map<T>,
-        landmark: usize,
-        point: &Point2<T>,
-    ) -> Self {
+    pub fn of_landmark(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> Self {
         let seen = problem.of_landmark(landmark).iter();
         Self::of(seen.filter_map(|&k| {
             let s = &problem.sightings()[k];
@@ -55,17 +51,17 @@ impl<T: Real> Fit<T> {
     }
 
     /// Whether the mean square, with so many parameters fitted, is within `gate` times the noise.
-    pub fn passes(&self, parameters: usize, noise: T, gate: f64) -> bool {
+    pub fn passes(&self, parameters: usize, noise: f64, gate: f64) -> bool {
         let freedom = self.count.saturating_sub(parameters).max(1);
-        let bound = T::lit(gate) * noise;
-        self.squares <= bound * bound * T::lit(freedom as f64)
+        let bound = gate * noise;
+        self.squares <= bound * bound * (freedom as f64)
     }
 }
 
 /// The noise of a map: root mean square of its residuals over sigma per degree of freedom, drawn
 /// towards what is expected while there are few.
-pub fn noise<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
-    let (mut squares, mut weights, mut count) = (T::zero(), T::zero(), 0);
+pub fn noise(problem: &Problem, map: &Map) -> f64 {
+    let (mut squares, mut weights, mut count) = (0.0, 0.0, 0);
     for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
         weights += s.weight * s.weight;
         if let Some(residual) = residual {
@@ -76,29 +72,24 @@ pub fn noise<T: Real>(problem: &Problem<T>, map: &Map<T>) -> T {
     }
     let parameters =
         3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
-    let freedom = T::lit((count + 4_usize).saturating_sub(parameters) as f64);
-    let all = T::lit(problem.sightings().len().max(1) as f64);
-    let expected = T::lit(EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
-    let counted = T::lit(EXPECTED_COUNT);
+    let freedom = (count + 4_usize).saturating_sub(parameters) as f64;
+    let all = problem.sightings().len().max(1) as f64;
+    let expected = (EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
+    let counted = EXPECTED_COUNT;
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
 /// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ
 /// by less.
-pub fn rounding<T: Real>(problem: &Problem<T>) -> f64 {
+pub fn rounding(problem: &Problem) -> f64 {
     let weights = problem.sightings().iter();
-    let square = weights.fold(T::zero(), |most, s| most.max(s.weight * s.weight));
-    (square * T::eps()).as_f64()
+    let square = weights.fold(0.0_f64, |most, s| most.max(s.weight * s.weight));
+    square * f64::EPSILON
 }
 
 /// The relative variance of the range of a landmark, for residuals of one sigma and views held fixed:
 /// infinite for parallel rays.
-pub fn range_variance<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    landmark: usize,
-    point: &Point2<T>,
-) -> T {
+pub fn range_variance(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> f64 {
     let mut information = Matrix2::zeros();
     for &k in problem.of_landmark(landmark) {
         let s = &problem.sightings()[k];
@@ -112,5 +103,5 @@ pub fn range_variance<T: Real>(
         information += gradient * gradient.transpose();
     }
     // The trace is the larger eigenvalue, but for a factor of two.
-    information.trace() / information.determinant().max(T::zero())
+    information.trace() / information.determinant().max(0.0)
 }

@@ -12,8 +12,9 @@ use crate::error::Error;
 use crate::estimation::{
     MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, RefineOptions, refine_map,
 };
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -40,31 +41,31 @@ const RETURNS: u8 = 3;
 const ITERATIONS: usize = 6;
 
 /// A map that grows.
-pub struct Growth<'a, T: Real> {
-    problem: &'a Problem<T>,
-    options: RefineOptions<T>,
+pub struct Growth<'a> {
+    problem: &'a Problem,
+    options: RefineOptions,
     /// Views that may be added.
     allowed: &'a [bool],
-    pub map: Map<T>,
+    pub map: Map,
     /// Residuals over sigma to be expected.
-    noise: T,
+    noise: f64,
     /// How often each view has been thrown out.
     thrown: Vec<u8>,
     /// Index into [`GATES`].
     level: usize,
 }
 
-impl<'a, T: Real> Growth<'a, T> {
+impl<'a> Growth<'a> {
     /// From poses without landmarks; `None` when the landmarks that they see cannot be refined with
     /// them.
     ///
     /// # Errors
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
     pub fn new(
-        problem: &'a Problem<T>,
-        options: &RefineOptions<T>,
+        problem: &'a Problem,
+        options: &RefineOptions,
         allowed: &'a [bool],
-        map: Map<T>,
+        map: Map,
     ) -> Result<Option<Self>, Error> {
         let mut growth = Self {
             problem,
@@ -73,7 +74,7 @@ impl<'a, T: Real> Growth<'a, T> {
                 ..*options
             },
             allowed,
-            noise: T::zero(),
+            noise: 0.0,
             thrown: vec![0; map.poses.len()],
             map,
             level: 0,
@@ -91,7 +92,7 @@ impl<'a, T: Real> Growth<'a, T> {
     }
 
     /// Residuals over sigma to be expected.
-    pub fn noise(&self) -> T {
+    pub fn noise(&self) -> f64 {
         self.noise
     }
 
@@ -125,14 +126,14 @@ impl<'a, T: Real> Growth<'a, T> {
 
     /// Adds the views that the map holds best; returns how many.
     fn add_views(&mut self) -> usize {
-        let mut found: Vec<(f64, usize, Pose<T>)> = Vec::new();
+        let mut found: Vec<(f64, usize, Pose<f64>)> = Vec::new();
         for view in 0..self.map.poses.len() {
             if self.map.poses[view].is_none()
                 && self.allowed[view]
                 && self.thrown[view] < RETURNS
                 && let Some((pose, held)) = self.locate(view)
             {
-                found.push((held.as_f64(), view, pose));
+                found.push((held, view, pose));
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -146,17 +147,17 @@ impl<'a, T: Real> Growth<'a, T> {
 
     /// The pose of a view that passes the gates, and how far it is held: one over the standard
     /// deviation of its heading, in units of the noise.
-    fn locate(&self, view: usize) -> Option<(Pose<T>, T)> {
+    fn locate(&self, view: usize) -> Option<(Pose<f64>, f64)> {
         if self.map.connections_of_view(self.problem, view) < HOLDING[self.level] {
             return None;
         }
         let (found, pose, fit) = locate::view(self.problem, &self.map, view)?;
-        let count = T::lit(fit.count as f64);
+        let count = fit.count as f64;
         let weight = self.problem.of_view(view)[0].weight;
         let held = found.gap * count.sqrt() * weight / self.noise;
         let last = self.level + 1 == GATES.len();
         let fits = fit.passes(MIN_LANDMARKS_OF_VIEW, self.noise, GATES[self.level]);
-        (fits && (last || held * T::lit(MAX_DEVIATION) > T::one())).then_some((pose, held))
+        (fits && (last || held * MAX_DEVIATION > 1.0)).then_some((pose, held))
     }
 
     /// Adds the landmarks that the views hold.
@@ -169,10 +170,10 @@ impl<'a, T: Real> Growth<'a, T> {
     }
 
     /// The place of a landmark that passes the gates.
-    fn place(&self, landmark: usize) -> Option<Point2<T>> {
+    fn place(&self, landmark: usize) -> Option<Point2<f64>> {
         let (point, fit) = locate::landmark(self.problem, &self.map, landmark)?;
         let variance = range_variance(self.problem, &self.map, landmark, &point);
-        let bound = T::lit(MAX_DEVIATION) / self.noise;
+        let bound = MAX_DEVIATION / self.noise;
         (fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, GATES[0]) && variance < bound * bound)
             .then_some(point)
     }

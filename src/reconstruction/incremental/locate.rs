@@ -6,17 +6,14 @@
 
 use super::gates::Fit;
 use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
 use crate::kernels::{Resection, resect, triangulate};
-use crate::scalar::Real;
 use nalgebra::{Point2, Translation2, Vector2};
 
 /// A view from the landmarks that have a place: how it was found, its pose and how that fits.
-pub fn view<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    view: usize,
-) -> Option<(Resection<T>, Pose<T>, Fit<T>)> {
+pub fn view(problem: &Problem, map: &Map, view: usize) -> Option<(Resection<f64>, Pose<f64>, Fit)> {
     let seen = problem
         .of_view(view)
         .iter()
@@ -24,9 +21,9 @@ pub fn view<T: Real>(
     let found = resect(seen.clone().map(|(point, s)| (point, s.bearing))).ok()?;
     let pose = found.pose;
     let fit = Fit::of_view(problem, map, view, &pose);
-    let offset = |point: &Point2<T>| point.coords - pose.translation.vector;
+    let offset = |point: &Point2<f64>| point.coords - pose.translation.vector;
     let (point, s) = seen.min_by(|(a, _), (b, _)| {
-        let [a, b] = [a, b].map(|point| offset(point).norm_squared().as_f64());
+        let [a, b] = [a, b].map(|point| offset(point).norm_squared());
         a.total_cmp(&b)
     })?;
     let place = point.coords - ray(&pose, s) * offset(&point).norm();
@@ -40,11 +37,7 @@ pub fn view<T: Real>(
 }
 
 /// A landmark from the views that have a pose: where their rays meet, and how that fits.
-pub fn landmark<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    landmark: usize,
-) -> Option<(Point2<T>, Fit<T>)> {
+pub fn landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
     let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
         let s = &problem.sightings()[k];
         map.poses[s.view].map(|pose| (pose, s))
@@ -56,9 +49,9 @@ pub fn landmark<T: Real>(
     if found.behind == 0 || !problem.is_oriented() {
         return Some((point, fit));
     }
-    let range = |pose: &Pose<T>| (point.coords - pose.translation.vector).norm();
+    let range = |pose: &Pose<f64>| (point.coords - pose.translation.vector).norm();
     let (pose, s) = rays.min_by(|(a, _), (b, _)| {
-        let [a, b] = [a, b].map(|pose| range(pose).as_f64());
+        let [a, b] = [a, b].map(|pose| range(pose));
         a.total_cmp(&b)
     })?;
     let beside = Point2::from(pose.translation.vector + ray(&pose, s) * range(&pose));
@@ -71,11 +64,7 @@ pub fn landmark<T: Real>(
 }
 
 /// A place so many times the size of the map out along the mean ray of a landmark that two views see.
-pub fn far_out<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    landmark: usize,
-) -> Option<(Point2<T>, Fit<T>)> {
+pub fn far_out(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
     let mut count = 0;
     let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
     for &k in problem.of_landmark(landmark) {
@@ -83,17 +72,17 @@ pub fn far_out<T: Real>(
         if let Some(pose) = &map.poses[s.view] {
             let ray = ray(pose, s);
             // A line has two ends: those that go the same way.
-            let turned = !problem.is_oriented() && ray.dot(&sum) < T::zero();
+            let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
             sum += if turned { -ray } else { ray };
             from += pose.translation.vector;
             count += 1;
         }
     }
-    if count < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > T::eps()) {
+    if count < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > f64::EPSILON) {
         return None;
     }
-    let middle = from / T::lit(count as f64);
-    let place = Point2::from(middle + sum.normalize() * (size(map) * T::lit(FAR)));
+    let middle = from / (count as f64);
+    let place = Point2::from(middle + sum.normalize() * (size(map) * FAR));
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
 }
 
@@ -101,23 +90,23 @@ pub fn far_out<T: Real>(
 const FAR: f64 = 30.0;
 
 /// The root mean square distance of the views from the first.
-fn size<T: Real>(map: &Map<T>) -> T {
+fn size(map: &Map) -> f64 {
     let mut views = map
         .poses
         .iter()
         .flatten()
         .map(|pose| pose.translation.vector);
     let Some(first) = views.next() else {
-        return T::one();
+        return 1.0;
     };
-    let (sum, count) = views.fold((T::zero(), T::one()), |(sum, count), view| {
-        (sum + (view - first).norm_squared(), count + T::one())
+    let (sum, count) = views.fold((0.0, 1.0), |(sum, count), view| {
+        (sum + (view - first).norm_squared(), count + 1.0)
     });
     (sum / count).sqrt()
 }
 
 /// The direction of a sighting in the map frame.
-fn ray<T: Real>(pose: &Pose<T>, s: &Seen<T>) -> Vector2<T> {
+fn ray(pose: &Pose<f64>, s: &Seen) -> Vector2<f64> {
     let ray = pose.rotation.into_inner() * s.bearing.into_inner();
     Vector2::new(ray.re, ray.im)
 }

@@ -8,18 +8,17 @@ use super::gates::{noise, range_variance, rounding};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions};
 use crate::geometry::{align, transform_pose};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
 /// The cost per degree of freedom.
-pub fn variance<T: Real>(found: &Reconstruction<T>) -> f64 {
-    found.cost.as_f64() / found.freedom.max(1) as f64
+pub fn variance(found: &Reconstruction) -> f64 {
+    found.cost / found.freedom.max(1) as f64
 }
 
 /// Number of views in a map.
-pub fn views<T: Real>(found: &Reconstruction<T>) -> usize {
+pub fn views(found: &Reconstruction) -> usize {
     found.map.poses.iter().flatten().count()
 }
 
@@ -28,18 +27,15 @@ pub fn views<T: Real>(found: &Reconstruction<T>) -> usize {
 const AS_GOOD: f64 = 4.0;
 
 /// Of those that fit about as well as the best, the one that reaches most, then the lowest.
-pub fn best<T: Real>(
-    problem: &Problem<T>,
-    found: Vec<Reconstruction<T>>,
-) -> Option<Reconstruction<T>> {
+pub fn best(problem: &Problem, found: Vec<Reconstruction>) -> Option<Reconstruction> {
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let bound = AS_GOOD * least + rounding(problem);
     found.into_iter().min_by(|a, b| {
-        let misfits = |found: &Reconstruction<T>| !(variance(found) <= bound);
+        let misfits = |found: &Reconstruction| !(variance(found) <= bound);
         misfits(a)
             .cmp(&misfits(b))
             .then(a.undetermined.len().cmp(&b.undetermined.len()))
-            .then(a.cost.as_f64().total_cmp(&b.cost.as_f64()))
+            .then(a.cost.total_cmp(&b.cost))
     })
 }
 
@@ -47,12 +43,12 @@ pub fn best<T: Real>(
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
-pub fn merge<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    mut found: Vec<Reconstruction<T>>,
+pub fn merge(
+    problem: &Problem,
+    options: &RefineOptions,
+    mut found: Vec<Reconstruction>,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Reconstruction<T>>, Error> {
+) -> Result<Vec<Reconstruction>, Error> {
     // Views of no map may fit the two together.
     let mut free = vec![true; problem.views()];
     for map in &found {
@@ -80,13 +76,13 @@ pub fn merge<T: Real>(
 }
 
 /// Two maps as one, refined; `None` where too little ties them or they do not fit.
-fn joined<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
-    [first, second]: [&Reconstruction<T>; 2],
+fn joined(
+    problem: &Problem,
+    options: &RefineOptions,
+    [first, second]: [&Reconstruction; 2],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Reconstruction<T>>, Error> {
+) -> Result<Option<Reconstruction>, Error> {
     let Some(start) = merged(problem, &first.map, &second.map) else {
         return Ok(None);
     };
@@ -95,7 +91,7 @@ fn joined<T: Real>(
     };
     // As good as apart, per degree of freedom: they belong together.
     let freedom = (first.freedom + second.freedom).max(1) as f64;
-    let apart = (first.cost + second.cost).as_f64() / freedom;
+    let apart = (first.cost + second.cost) / freedom;
     let fits = variance(&joined) <= AS_GOOD * apart + rounding(problem);
     Ok(fits.then_some(joined))
 }
@@ -112,10 +108,10 @@ const MAX_DEVIATION: f64 = 0.25;
 ///
 /// Two shared landmarks fix the similarity and leave nothing to check it; the refinement of the
 /// whole does, by its cost.
-fn merged<T: Real>(problem: &Problem<T>, first: &Map<T>, second: &Map<T>) -> Option<Map<T>> {
+fn merged(problem: &Problem, first: &Map, second: &Map) -> Option<Map> {
     let (mut source, mut target) = (Vec::new(), Vec::new());
-    let held = |map: &Map<T>, noise: T, landmark: usize, point: &Point2<T>| {
-        let bound = T::lit(MAX_DEVIATION) / noise;
+    let held = |map: &Map, noise: f64, landmark: usize, point: &Point2<f64>| {
+        let bound = MAX_DEVIATION / noise;
         range_variance(problem, map, landmark, point) < bound * bound
     };
     let noises = [noise(problem, first), noise(problem, second)];

@@ -5,7 +5,6 @@ use super::super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Triples drawn per view, and at least and at most.
@@ -22,7 +21,7 @@ const SHARED: [usize; 2] = [6, 5];
 /// # Errors
 /// Why the last of them could not, when none can; `Ok` and empty when no three views share five
 /// landmarks.
-pub fn seeds<T: Real>(problem: &Problem<T>, seed: u64) -> Result<Vec<[usize; 3]>, Error> {
+pub fn seeds(problem: &Problem, seed: u64) -> Result<Vec<[usize; 3]>, Error> {
     let count = (PER_VIEW * problem.views()).clamp(FEWEST, MOST);
     let mut found: Vec<(bool, f64, [usize; 3])> = Vec::new();
     let mut failure = None;
@@ -33,9 +32,7 @@ pub fn seeds<T: Real>(problem: &Problem<T>, seed: u64) -> Result<Vec<[usize; 3]>
             }
             let (triples, _) = common_bearings(problem, views);
             match CalibratedTensor::estimate(&triples, 0) {
-                Ok(tensor) => {
-                    found.push((triples.len() < SHARED[0], tensor.quality().as_f64(), views))
-                }
+                Ok(tensor) => found.push((triples.len() < SHARED[0], tensor.quality(), views)),
                 Err(error) => failure = Some(error),
             }
         }
@@ -48,7 +45,7 @@ pub fn seeds<T: Real>(problem: &Problem<T>, seed: u64) -> Result<Vec<[usize; 3]>
 }
 
 /// The poses of a seed: one map, or two where the signs of the bearings leave both branches possible.
-pub fn begin<T: Real>(problem: &Problem<T>, views: [usize; 3]) -> Vec<Map<T>> {
+pub fn begin(problem: &Problem, views: [usize; 3]) -> Vec<Map> {
     let (triples, _) = common_bearings(problem, views);
     let Ok(solution) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
         return Vec::new();

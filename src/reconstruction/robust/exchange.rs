@@ -9,7 +9,6 @@ use super::objective::OUTLIER;
 use super::settle::{Settled, fixed_point};
 use crate::error::Error;
 use crate::estimation::{Influence, Problem, RefineOptions};
-use crate::scalar::Real;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -26,11 +25,11 @@ const SUCCESSES: usize = 20;
 ///
 /// # Errors
 /// Those of the refinement.
-pub fn exchange<T: Real>(
-    problem: &Problem<T>,
-    mut best: Settled<T>,
-    options: &RefineOptions<T>,
-) -> Result<Settled<T>, Error> {
+pub fn exchange(
+    problem: &Problem,
+    mut best: Settled,
+    options: &RefineOptions,
+) -> Result<Settled, Error> {
     for _ in 0..SUCCESSES {
         let mut lower = None;
         for set in promising(problem, &best) {
@@ -53,18 +52,18 @@ pub fn exchange<T: Real>(
 }
 
 /// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
-fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>> {
+fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
     let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };
-    let most = T::lit(OUTLIER * OUTLIER);
+    let most = OUTLIER * OUTLIER;
     // Adding has the sign 1, leaving out -1.
-    let sign = |k: usize| if best.inliers[k] { -T::one() } else { T::one() };
-    let change = |sign: T, residual: T, leverage: T| {
-        let spread = (T::one() + sign * leverage).max(T::eps());
+    let sign = |k: usize| if best.inliers[k] { -1.0 } else { 1.0 };
+    let change = |sign: f64, residual: f64, leverage: f64| {
+        let spread = (1.0 + sign * leverage).max(f64::EPSILON);
         sign * (residual * residual / spread - most)
     };
-    let single: Vec<(usize, T, T, T)> = influence
+    let single: Vec<(usize, f64, f64, f64)> = influence
         .residuals
         .iter()
         .enumerate()
@@ -73,17 +72,17 @@ fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>
             Some((k, residual, leverage, change(sign(k), residual, leverage)))
         })
         .collect();
-    let worth = T::lit(PROMISING);
+    let worth = PROMISING;
     let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
     for &(k, residual, leverage, alone) in &single {
         if alone < worth {
-            found.push((alone.as_f64(), vec![k]));
+            found.push((alone, vec![k]));
         }
         // An inlier can only be missed by what it costs as an outlier; others may be anything.
         if alone > most {
             continue;
         }
-        let spread = (T::one() + sign(k) * leverage).max(T::eps());
+        let spread = (1.0 + sign(k) * leverage).max(f64::EPSILON);
         for &(l, other, other_leverage, _) in &single {
             if l == k || best.inliers[l] {
                 continue;
@@ -91,9 +90,9 @@ fn promising<T: Real>(problem: &Problem<T>, best: &Settled<T>) -> Vec<Vec<usize>
             let tie = influence.between(k, l) * sign(k) / spread;
             let residual_then = other - tie * residual;
             let leverage_then = other_leverage - tie * influence.between(k, l);
-            let both = alone + change(T::one(), residual_then, leverage_then);
+            let both = alone + change(1.0, residual_then, leverage_then);
             if both < worth && both < alone {
-                found.push((both.as_f64(), vec![k, l]));
+                found.push((both, vec![k, l]));
             }
         }
     }

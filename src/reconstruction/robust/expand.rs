@@ -8,7 +8,6 @@ use crate::error::Error;
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, Map, Problem, RefineOptions};
 use crate::geometry::Pose;
 use crate::kernels::Motion;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
 
@@ -28,13 +27,13 @@ const ITERATIONS: usize = 4;
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
-pub fn expand<T: Real>(
-    problem: &Problem<T>,
-    seed: &Seed<T>,
-    motion: &Motion<T>,
-    options: &RefineOptions<T>,
+pub fn expand(
+    problem: &Problem,
+    seed: &Seed,
+    motion: &Motion<f64>,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
-) -> Result<Map<T>, Error> {
+) -> Result<Map, Error> {
     let mut map = Map::empty(problem.views(), problem.landmarks());
     for (&view, pose) in seed.views.iter().zip(motion.poses) {
         map.poses[view] = Some(pose);
@@ -52,15 +51,15 @@ pub fn expand<T: Real>(
 ///
 /// # Errors
 /// As [`expand`].
-pub fn extend<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
+pub fn extend(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
 ) -> Result<(), Error> {
     // At least one view more each time, unless the refinement has thrown it out again.
     for _ in 0..problem.views() {
-        let mut found: Vec<(usize, usize, Pose<T>)> = Vec::new();
+        let mut found: Vec<(usize, usize, Pose<f64>)> = Vec::new();
         for view in 0..problem.views() {
             if map.poses[view].is_none()
                 && let Some(placed) = place_view(problem, map, view, GROWING, 1, random).first()

@@ -15,7 +15,6 @@ use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, refine_map};
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
-use crate::scalar::Real;
 use alloc::collections::VecDeque;
 
 use alloc::vec::Vec;
@@ -44,15 +43,15 @@ const PAIRS: usize = 128;
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
-pub fn follow<T: Real>(
-    problem: &Problem<T>,
-    options: &RefineOptions<T>,
+pub fn follow(
+    problem: &Problem,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map<T>>, Error> {
+) -> Result<Vec<Map>, Error> {
     let problem = &problem.clone().with_motions_only();
     let options = &RefineOptions {
-        loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
+        loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
         max_iterations: options.max_iterations.min(ITERATIONS),
         ..*options
     };
@@ -60,14 +59,14 @@ pub fn follow<T: Real>(
     // From the view that sees most; of equals the first.
     let mut order: Vec<usize> = (0..problem.views()).collect();
     order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
-    let mut pieces: Vec<Map<T>> = Vec::new();
+    let mut pieces: Vec<Map> = Vec::new();
     for root in order {
-        let reached = |map: &Map<T>| map.poses[root].is_some();
+        let reached = |map: &Map| map.poses[root].is_some();
         if !motions.of(root).is_empty() && !pieces.iter().any(reached) {
             pieces.push(piece(problem, &motions, root, options, random, progress)?);
         }
     }
-    let size = |map: &Map<T>| map.poses.iter().flatten().count();
+    let size = |map: &Map| map.poses.iter().flatten().count();
     pieces.sort_by_key(|map| core::cmp::Reverse(size(map)));
     let mut done = Vec::new();
     while !pieces.is_empty() {
@@ -85,14 +84,14 @@ pub fn follow<T: Real>(
 }
 
 /// The map of all views that motions tie to one.
-fn piece<T: Real>(
-    problem: &Problem<T>,
-    motions: &Motions<T>,
+fn piece(
+    problem: &Problem,
+    motions: &Motions,
     root: usize,
-    options: &RefineOptions<T>,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Map<T>, Error> {
+) -> Result<Map, Error> {
     let mut map = Map::empty(problem.views(), problem.landmarks());
     map.poses[root] = Some(Pose::identity());
     let mut waiting = VecDeque::from([(root, Pose::identity())]);
@@ -124,12 +123,7 @@ fn piece<T: Real>(
 }
 
 /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
-fn place<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    landmark: usize,
-    random: &mut ChaCha8Rng,
-) {
+fn place(problem: &Problem, map: &mut Map, landmark: usize, random: &mut ChaCha8Rng) {
     let found = place_landmark(problem, map, landmark, GROWING, 1, random);
     let Some(found) = found.first() else {
         return;
@@ -143,15 +137,15 @@ fn place<T: Real>(
         .filter(|(_, agrees)| **agrees)
         .map(|(ray, _)| ray);
     let held = found.count() >= AGREEING_OF_LANDMARK
-        && triangulate(agreeing).is_ok_and(|found| found.parallax > T::lit(MIN_PARALLAX));
+        && triangulate(agreeing).is_ok_and(|found| found.parallax > MIN_PARALLAX);
     map.landmarks[landmark] = held.then_some(found.place);
 }
 
 /// Places all landmarks anew and refines a little; what cannot be refined stays as it is.
-fn settle<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
-    options: &RefineOptions<T>,
+fn settle(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {
@@ -178,30 +172,25 @@ fn settle<T: Real>(
 }
 
 /// The piece that shares most landmarks with a map, of those that share enough.
-fn closest<T: Real>(map: &Map<T>, pieces: &[Map<T>]) -> Option<usize> {
-    let shared = |piece: &Map<T>| shared(map, piece).len();
+fn closest(map: &Map, pieces: &[Map]) -> Option<usize> {
+    let shared = |piece: &Map| shared(map, piece).len();
     let pieces = pieces.iter().map(shared).enumerate();
     let best = pieces.max_by_key(|&(k, shared)| (shared, core::cmp::Reverse(k)));
     best.filter(|&(_, shared)| shared >= SHARED).map(|(k, _)| k)
 }
 
 /// The places of landmarks that two maps share: in the second, and in the first.
-fn shared<T: Real>(first: &Map<T>, second: &Map<T>) -> Vec<(Point2<T>, Point2<T>)> {
+fn shared(first: &Map, second: &Map) -> Vec<(Point2<f64>, Point2<f64>)> {
     let pairs = second.landmarks.iter().zip(&first.landmarks);
     pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect()
 }
 
 /// Two maps as one: the second laid over two of the landmarks that they share, those with which
 /// most bearings agree, or over all of them if that is better.
-fn joined<T: Real>(
-    problem: &Problem<T>,
-    first: &Map<T>,
-    second: &Map<T>,
-    random: &mut ChaCha8Rng,
-) -> Option<Map<T>> {
+fn joined(problem: &Problem, first: &Map, second: &Map, random: &mut ChaCha8Rng) -> Option<Map> {
     let shared = shared(first, second);
-    let mut best: Option<(T, Map<T>)> = None;
-    let mut offer = |pairs: &[(Point2<T>, Point2<T>)]| {
+    let mut best: Option<(f64, Map)> = None;
+    let mut offer = |pairs: &[(Point2<f64>, Point2<f64>)]| {
         let (source, target): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
         let Ok(similarity) = align(&source, &target) else {
             return;

@@ -4,7 +4,6 @@
 use super::objective::{OUTLIER, square};
 use crate::estimation::{Loss, Map, Problem, Tie};
 use crate::geometry::{Pose, pose};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
@@ -12,22 +11,22 @@ use nalgebra::{Matrix3, Vector3};
 const STEPS: usize = 10;
 
 /// A motion from a view, as the pose of its other end in its frame.
-pub struct Motion<T: Real> {
+pub struct Motion {
     pub end: usize,
-    pub delta: Pose<T>,
+    pub delta: Pose<f64>,
     /// The root of the information, in the frame of `end` if that is where it was measured.
-    root: Matrix3<T>,
+    root: Matrix3<f64>,
     forward: bool,
 }
 
 /// The motions of each view.
-pub struct Motions<T: Real> {
-    of: Vec<Vec<Motion<T>>>,
+pub struct Motions {
+    of: Vec<Vec<Motion>>,
 }
 
-impl<T: Real> Motions<T> {
-    pub fn new(problem: &Problem<T>) -> Self {
-        let mut of: Vec<Vec<Motion<T>>> = (0..problem.views()).map(|_| Vec::new()).collect();
+impl Motions {
+    pub fn new(problem: &Problem) -> Self {
+        let mut of: Vec<Vec<Motion>> = (0..problem.views()).map(|_| Vec::new()).collect();
         for tie in problem.ties() {
             let Tie::Motion {
                 start,
@@ -54,15 +53,15 @@ impl<T: Real> Motions<T> {
         Self { of }
     }
 
-    pub fn of(&self, view: usize) -> &[Motion<T>] {
+    pub fn of(&self, view: usize) -> &[Motion] {
         &self.of[view]
     }
 
     /// Twice what a view at a pose costs as long as nothing else moves: the squares of its motions to what the
     /// map has, and of its sightings, none of which counts for more than an outlier.
-    pub fn cost(&self, problem: &Problem<T>, map: &Map<T>, view: usize, at: &Pose<T>) -> T {
-        let most = T::lit(OUTLIER * OUTLIER);
-        let mut cost = T::zero();
+    pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
+        let most = OUTLIER * OUTLIER;
+        let mut cost = 0.0;
         for s in problem.of_view(view) {
             if let Some(point) = &map.landmarks[s.landmark] {
                 cost += square(problem, s, at, point).min(most);
@@ -82,7 +81,7 @@ impl<T: Real> Motions<T> {
     }
 }
 
-fn vector<T: Real>(pose: &Pose<T>) -> Vector3<T> {
+fn vector(pose: &Pose<f64>) -> Vector3<f64> {
     let place = &pose.translation;
     Vector3::new(place.x, place.y, pose.rotation.angle())
 }
@@ -92,20 +91,15 @@ fn vector<T: Real>(pose: &Pose<T>) -> Vector3<T> {
 ///
 /// The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
 /// turns.
-pub fn moved<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    from: &Pose<T>,
-    motion: &Motion<T>,
-) -> Pose<T> {
+pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
     let predicted = from * motion.delta;
     let seen: Vec<_> = problem
         .of_view(motion.end)
         .iter()
         .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
         .collect();
-    let loss = Loss::Cauchy(T::lit(Loss::<T>::CAUCHY));
-    let linearize = |at: &Pose<T>| {
+    let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
+    let linearize = |at: &Pose<f64>| {
         let error = motion.root * vector(&predicted.inv_mul(at));
         let mut cost = error.norm_squared();
         let mut gradient = motion.root.tr_mul(&error);
@@ -113,12 +107,12 @@ pub fn moved<T: Real>(
         for (point, s) in &seen {
             let local = at.inverse_transform_point(point);
             let range = local.coords.norm_squared();
-            if !(range > T::zero()) {
+            if !(range > 0.0) {
                 continue;
             }
             let residual = problem.residual(at, point, s) * s.weight;
             let (value, slope) = loss.evaluate(residual * residual);
-            let row = Vector3::new(local.y / range, -local.x / range, -T::one()) * s.weight;
+            let row = Vector3::new(local.y / range, -local.x / range, -1.0) * s.weight;
             cost += value;
             gradient += row * (residual * slope);
             normal += row * row.transpose() * slope;

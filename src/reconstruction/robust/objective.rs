@@ -3,7 +3,6 @@
 
 use crate::estimation::{Loss, Map, Problem, Seen, cost_of_ties};
 use crate::geometry::Pose;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
@@ -13,21 +12,13 @@ pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 /// The square of residual over sigma of one sighting: the only place that says what it is for a bearing
 /// to agree with a pose and a landmark.
 #[inline]
-pub fn square<T: Real>(
-    problem: &Problem<T>,
-    seen: &Seen<T>,
-    pose: &Pose<T>,
-    point: &Point2<T>,
-) -> T {
+pub fn square(problem: &Problem, seen: &Seen, pose: &Pose<f64>, point: &Point2<f64>) -> f64 {
     let residual = problem.residual(pose, point, seen) * seen.weight;
     residual * residual
 }
 
 /// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
-pub fn squares<'a, T: Real>(
-    problem: &'a Problem<T>,
-    map: &'a Map<T>,
-) -> impl Iterator<Item = Option<T>> + 'a {
+pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = Option<f64>> + 'a {
     problem
         .sightings()
         .iter()
@@ -39,17 +30,17 @@ pub fn squares<'a, T: Real>(
 
 /// Half the sum of the squares, none of which counts for more than that of `bound`; a sighting that the
 /// map does not reach counts that much. Odometry and priors count in full.
-pub fn cost<T: Real>(problem: &Problem<T>, map: &Map<T>, bound: f64) -> T {
-    let most = T::lit(bound * bound);
-    let bearings = squares(problem, map).fold(T::zero(), |sum, square| {
+pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
+    let most = bound * bound;
+    let bearings = squares(problem, map).fold(0.0, |sum, square| {
         sum + square.map_or(most, |square| square.min(most))
     });
-    bearings * T::lit(0.5) + cost_of_ties(problem, map)
+    bearings * 0.5 + cost_of_ties(problem, map)
 }
 
 /// The sightings that a map explains to within `bound` standard deviations.
-pub fn inliers<T: Real>(problem: &Problem<T>, map: &Map<T>, bound: f64) -> Vec<bool> {
-    let most = T::lit(bound * bound);
+pub fn inliers(problem: &Problem, map: &Map, bound: f64) -> Vec<bool> {
+    let most = bound * bound;
     squares(problem, map)
         .map(|square| square.is_some_and(|square| square <= most))
         .collect()

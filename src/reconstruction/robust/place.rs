@@ -8,7 +8,6 @@ use super::objective::square;
 use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2};
 use rand::RngExt;
@@ -25,17 +24,17 @@ const DOUBT: usize = 2;
 const ROUNDS: usize = 3;
 
 /// A place for a view or a landmark.
-pub struct Placed<P, T: Real> {
+pub struct Placed<P> {
     pub place: P,
     /// The sum of the squares of its sightings, none of which counts for more than that of the bound.
-    pub cost: T,
+    pub cost: f64,
     /// Which of its sightings agree with it, among those whose other end is in the map.
     pub agreeing: Vec<bool>,
     /// Whether it has been there all the time.
     pub present: bool,
 }
 
-impl<P, T: Real> Placed<P, T> {
+impl<P> Placed<P> {
     /// How many sightings agree.
     pub fn count(&self) -> usize {
         self.agreeing.iter().filter(|agrees| **agrees).count()
@@ -88,15 +87,15 @@ pub fn sets<const N: usize>(
 /// deviations, the best first. The pose that it has is one to start with.
 ///
 /// None when it sees fewer than three landmarks of the map.
-pub fn place_view<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
+pub fn place_view(
+    problem: &Problem,
+    map: &Map,
     view: usize,
     bound: f64,
     count: usize,
     random: &mut ChaCha8Rng,
-) -> Vec<Placed<Pose<T>, T>> {
-    let seen: Vec<(Point2<T>, Seen<T>)> = problem
+) -> Vec<Placed<Pose<f64>>> {
+    let seen: Vec<(Point2<f64>, Seen)> = problem
         .of_view(view)
         .iter()
         .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
@@ -104,7 +103,7 @@ pub fn place_view<T: Real>(
     if seen.len() < MIN_LANDMARKS_OF_VIEW {
         return Vec::new();
     }
-    let squares = |pose: &Pose<T>| {
+    let squares = |pose: &Pose<f64>| {
         let pose = *pose;
         seen.iter()
             .map(move |(point, s)| square(problem, s, &pose, point))
@@ -134,15 +133,15 @@ pub fn place_view<T: Real>(
 }
 
 /// Positions of a landmark, as [`place_view`].
-pub fn place_landmark<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
+pub fn place_landmark(
+    problem: &Problem,
+    map: &Map,
     landmark: usize,
     bound: f64,
     count: usize,
     random: &mut ChaCha8Rng,
-) -> Vec<Placed<Point2<T>, T>> {
-    let rays: Vec<(Pose<T>, Seen<T>)> = problem
+) -> Vec<Placed<Point2<f64>>> {
+    let rays: Vec<(Pose<f64>, Seen)> = problem
         .of_landmark(landmark)
         .iter()
         .filter_map(|&k| {
@@ -153,7 +152,7 @@ pub fn place_landmark<T: Real>(
     if rays.len() < MIN_VIEWS_OF_LANDMARK {
         return Vec::new();
     }
-    let squares = |point: &Point2<T>| {
+    let squares = |point: &Point2<f64>| {
         let point = *point;
         rays.iter()
             .map(move |(pose, s)| square(problem, s, pose, &point))
@@ -183,34 +182,34 @@ pub fn place_landmark<T: Real>(
 }
 
 /// Where two lines of sight cross; `None` when they are parallel.
-fn crossing<T: Real>(rays: [&(Pose<T>, Seen<T>); 2]) -> Option<Point2<T>> {
-    let cross = |a: Complex<T>, b: Complex<T>| a.re * b.im - a.im * b.re;
+fn crossing(rays: [&(Pose<f64>, Seen); 2]) -> Option<Point2<f64>> {
+    let cross = |a: Complex<f64>, b: Complex<f64>| a.re * b.im - a.im * b.re;
     let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
     let [from, to] = rays.map(|(pose, _)| pose.translation.vector);
     let sine = cross(u, v);
-    (sine.abs() > T::eps()).then(|| {
+    (sine.abs() > f64::EPSILON).then(|| {
         let range = cross(Complex::new(to.x - from.x, to.y - from.y), v) / sine;
         Point2::new(from.x + u.re * range, from.y + u.im * range)
     })
 }
 
 /// The best places so far.
-struct Best<'a, P, T: Real, F> {
-    most: T,
+struct Best<'a, P, F> {
+    most: f64,
     count: usize,
     squares: &'a F,
     /// The best first.
-    places: Vec<Placed<P, T>>,
+    places: Vec<Placed<P>>,
 }
 
-impl<'a, P: Copy, T: Real, F, I> Best<'a, P, T, F>
+impl<'a, P: Copy, F, I> Best<'a, P, F>
 where
     F: Fn(&P) -> I,
-    I: Iterator<Item = T>,
+    I: Iterator<Item = f64>,
 {
     fn new(bound: f64, count: usize, squares: &'a F) -> Self {
         Self {
-            most: T::lit(bound * bound),
+            most: bound * bound,
             count,
             squares,
             places: Vec::with_capacity(count + 1),
@@ -222,9 +221,9 @@ where
     fn offer(&mut self, place: P, present: bool) {
         let limit = match self.places.get(self.count - 1) {
             Some(last) => last.cost,
-            None => T::one() / T::zero(),
+            None => 1.0 / 0.0,
         };
-        let mut cost = T::zero();
+        let mut cost = 0.0;
         for square in (self.squares)(&place) {
             cost += square.min(self.most);
             if !(cost < limit) {
@@ -262,7 +261,7 @@ where
     }
 
     /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
-    fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P, T>> {
+    fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P>> {
         for _ in 0..ROUNDS {
             let better: Vec<P> = self
                 .places

@@ -9,7 +9,6 @@ use super::settle::{ITERATIONS, Settled, descend, fixed_point, settle};
 use crate::error::Error;
 use crate::estimation::{Map, Problem, RefineOptions};
 use crate::geometry::Pose;
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 use rand_chacha::ChaCha8Rng;
@@ -31,17 +30,17 @@ const ROUNDS: usize = 10;
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn replace<T: Real>(
-    problem: &Problem<T>,
-    mut best: Settled<T>,
-    options: &RefineOptions<T>,
+pub fn replace(
+    problem: &Problem,
+    mut best: Settled,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
+) -> Result<Settled, Error> {
     let motions = Motions::new(problem);
     // Bearings alone know nothing of the motions of a view.
-    let is_better = |map: &Map<T>, view: usize, place: &Pose<T>| {
-        let cost_at = |at: &Pose<T>| motions.cost(problem, map, view, at);
+    let is_better = |map: &Map, view: usize, place: &Pose<f64>| {
+        let cost_at = |at: &Pose<f64>| motions.cost(problem, map, view, at);
         let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
         present.is_none_or(|present| cost_at(place) < cost_at(&present))
     };
@@ -77,9 +76,9 @@ pub fn replace<T: Real>(
 }
 
 /// A place for a view or a landmark.
-enum Move<T: Real> {
-    View(usize, Pose<T>),
-    Landmark(usize, Point2<T>),
+enum Move {
+    View(usize, Pose<f64>),
+    Landmark(usize, Point2<f64>),
 }
 
 /// Puts single views and landmarks in other places and follows the map from there, as long as that
@@ -87,18 +86,18 @@ enum Move<T: Real> {
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn relocate<T: Real>(
-    problem: &Problem<T>,
-    mut best: Settled<T>,
-    options: &RefineOptions<T>,
+pub fn relocate(
+    problem: &Problem,
+    mut best: Settled,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
+) -> Result<Settled, Error> {
     // Where each try moves hundreds of views, only one that promises something is followed to its end.
     let tied = !problem.ties().is_empty();
     for _ in 0..ROUNDS {
         let mut lower = None;
-        let limit = best.cost + T::lit(WORSE * OUTLIER * OUTLIER / 2.0);
+        let limit = best.cost + (WORSE * OUTLIER * OUTLIER / 2.0);
         for (tried, (bound, place)) in moves(problem, &best.map, random).into_iter().enumerate() {
             if !tell(progress, "relocate", tried, TRIED) {
                 return Err(Error::Interrupted);
@@ -127,12 +126,8 @@ pub fn relocate<T: Real>(
 
 /// Other places of single views and landmarks, and the bound within which sightings agree with them;
 /// the most promising first.
-fn moves<T: Real>(
-    problem: &Problem<T>,
-    map: &Map<T>,
-    random: &mut ChaCha8Rng,
-) -> Vec<(f64, Move<T>)> {
-    let mut found: Vec<(f64, f64, Move<T>)> = Vec::new();
+fn moves(problem: &Problem, map: &Map, random: &mut ChaCha8Rng) -> Vec<(f64, Move)> {
+    let mut found: Vec<(f64, f64, Move)> = Vec::new();
     let motions = Motions::new(problem);
     // One sighting more or less is no other place where each try moves hundreds of views.
     let least = if problem.ties().is_empty() {
@@ -165,17 +160,13 @@ fn moves<T: Real>(
 
 /// Places other than the present one, with which at least so many sightings agree that do not with that, or the
 /// reverse, and by how many outliers they are worse, if not by too many.
-fn others<P, T: Real>(
-    places: Vec<Placed<P, T>>,
-    bound: f64,
-    least: usize,
-) -> impl Iterator<Item = (f64, P)> {
-    let cost = move |placed: &Placed<P, T>| placed.cost.as_f64() / (bound * bound);
+fn others<P>(places: Vec<Placed<P>>, bound: f64, least: usize) -> impl Iterator<Item = (f64, P)> {
+    let cost = move |placed: &Placed<P>| placed.cost / (bound * bound);
     // A present place that is not among them is worse than all.
     let present = places.iter().find(|placed| placed.present);
     let now = present.or(places.last()).map_or(0.0, cost);
     let before = present.map(|placed| placed.agreeing.clone());
-    let changes = move |placed: &Placed<P, T>| {
+    let changes = move |placed: &Placed<P>| {
         let before = before.iter().flatten();
         let changed = before.zip(&placed.agreeing).filter(|(a, b)| a != b);
         changed.count()

@@ -12,7 +12,6 @@ use super::relocate::{relocate, replace};
 use super::settle::{Settled, fixed_point, settle};
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, refine_map};
-use crate::scalar::Real;
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 
@@ -33,14 +32,14 @@ const BOUNDS: [f64; 4] = [2.0, 4.5, 9.0, 20.0];
 ///
 /// # Errors
 /// Those of the refinement.
-pub fn softly<T: Real>(
-    problem: &Problem<T>,
-    mut map: Map<T>,
-    options: &RefineOptions<T>,
-) -> Result<Option<Settled<T>>, Error> {
+pub fn softly(
+    problem: &Problem,
+    mut map: Map,
+    options: &RefineOptions,
+) -> Result<Option<Settled>, Error> {
     let soft = RefineOptions {
-        loss: Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)),
-        tolerance: T::lit(ROUGHLY),
+        loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
+        tolerance: ROUGHLY,
         ..*options
     };
     // What cannot be refined as a whole may still have a part that can.
@@ -57,13 +56,13 @@ pub fn softly<T: Real>(
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn retrace<T: Real>(
-    problem: &Problem<T>,
-    mut best: Settled<T>,
-    options: &RefineOptions<T>,
+pub fn retrace(
+    problem: &Problem,
+    mut best: Settled,
+    options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled<T>, Error> {
+) -> Result<Settled, Error> {
     let motions = Motions::new(problem);
     for round in 0..ROUNDS {
         let cost = best.cost;
@@ -79,7 +78,7 @@ pub fn retrace<T: Real>(
             }
         }
         best = relocate(problem, best, options, random, progress)?;
-        if !(best.cost + T::lit(WORTH) < cost) {
+        if !(best.cost + WORTH < cost) {
             break;
         }
     }
@@ -95,12 +94,7 @@ pub fn retrace<T: Real>(
 
 /// The views of a map one after the other along the odometry, by all of its landmarks; of what hangs
 /// together the first view, or the last, stays.
-fn retraced<T: Real>(
-    problem: &Problem<T>,
-    motions: &Motions<T>,
-    map: &Map<T>,
-    backward: bool,
-) -> Map<T> {
+fn retraced(problem: &Problem, motions: &Motions, map: &Map, backward: bool) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);
     result.landmarks.clone_from(&map.landmarks);

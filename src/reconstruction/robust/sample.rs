@@ -7,7 +7,6 @@
 use super::super::triples::common_bearings;
 use crate::estimation::Problem;
 use crate::kernels::{CalibratedTensor, Motion, Triple};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -25,33 +24,33 @@ const NARROWER: [f64; 3] = [6.0, 4.5, 3.0];
 const KEPT: usize = 3;
 
 /// Three views and the landmarks that they share.
-pub struct Common<T: Real> {
+pub struct Common {
     pub views: [usize; 3],
     landmarks: Vec<usize>,
-    triples: Vec<Triple<T>>,
+    triples: Vec<Triple<f64>>,
     /// Of the three bearings of each.
-    variances: Vec<[T; 3]>,
+    variances: Vec<[f64; 3]>,
 }
 
 /// Three views whose motion a consensus of landmarks has given.
-pub struct Seed<T: Real> {
+pub struct Seed {
     pub views: [usize; 3],
     /// The landmarks that agree, modulo pi.
     pub landmarks: Vec<usize>,
     /// Both motions, the likelier first.
-    pub motions: [Motion<T>; 2],
+    pub motions: [Motion<f64>; 2],
     /// Landmarks that agree, each counted the less the worse it fits.
     pub support: f64,
 }
 
-impl<T: Real> Common<T> {
-    pub fn new(problem: &Problem<T>, views: [usize; 3]) -> Self {
+impl Common {
+    pub fn new(problem: &Problem, views: [usize; 3]) -> Self {
         let (triples, landmarks) = common_bearings(problem, views);
         let variance = |view: usize, landmark: usize| {
             let seen = problem.of_view(view);
             let place = seen.binary_search_by_key(&landmark, |s| s.landmark);
-            place.map_or(T::one(), |k| {
-                let sigma = T::one() / seen[k].weight;
+            place.map_or(1.0, |k| {
+                let sigma = 1.0 / seen[k].weight;
                 sigma * sigma
             })
         };
@@ -68,20 +67,20 @@ impl<T: Real> Common<T> {
     }
 
     /// How well all landmarks agree with a tensor: each counts between 0 and 1.
-    fn support(&self, tensor: &CalibratedTensor<T>, bound: f64) -> f64 {
-        let most = T::lit(bound * bound);
+    fn support(&self, tensor: &CalibratedTensor<f64>, bound: f64) -> f64 {
+        let most = bound * bound;
         let lost = self
             .triples
             .iter()
             .zip(&self.variances)
             .map(|(triple, variances)| tensor.sampson_square(triple, variances).min(most))
-            .fold(T::zero(), |sum, square| sum + square);
-        self.triples.len() as f64 - (lost / most).as_f64()
+            .fold(0.0, |sum, square| sum + square);
+        self.triples.len() as f64 - (lost / most)
     }
 
     /// The landmarks that agree with a tensor.
-    fn agreeing(&self, tensor: &CalibratedTensor<T>, bound: f64) -> impl Iterator<Item = usize> {
-        let most = T::lit(bound * bound);
+    fn agreeing(&self, tensor: &CalibratedTensor<f64>, bound: f64) -> impl Iterator<Item = usize> {
+        let most = bound * bound;
         (0..self.triples.len())
             .filter(move |&k| tensor.sampson_square(&self.triples[k], &self.variances[k]) <= most)
     }
@@ -89,18 +88,18 @@ impl<T: Real> Common<T> {
     /// The best of some random samples, estimated anew from all landmarks that agree.
     ///
     /// `None` when no sample has a motion.
-    pub fn best_seed(&self, samples: usize, random: &mut ChaCha8Rng) -> Option<Seed<T>> {
+    pub fn best_seed(&self, samples: usize, random: &mut ChaCha8Rng) -> Option<Seed> {
         let count = self.triples.len();
         if count < SAMPLE {
             return None;
         }
         let mut order: Vec<usize> = (0..count).collect();
-        let mut kept: Vec<(f64, CalibratedTensor<T>)> = Vec::with_capacity(KEPT + 1);
+        let mut kept: Vec<(f64, CalibratedTensor<f64>)> = Vec::with_capacity(KEPT + 1);
         for _ in 0..samples {
             for place in 0..SAMPLE {
                 order.swap(place, random.random_range(place..count));
             }
-            let sample: [Triple<T>; SAMPLE] = core::array::from_fn(|k| self.triples[order[k]]);
+            let sample: [Triple<f64>; SAMPLE] = core::array::from_fn(|k| self.triples[order[k]]);
             let Ok(tensor) = CalibratedTensor::estimate(&sample, 0) else {
                 continue;
             };
@@ -118,8 +117,8 @@ impl<T: Real> Common<T> {
     }
 
     /// Estimates a tensor anew from what agrees with it, within narrower and narrower bounds.
-    fn improve(&self, mut tensor: CalibratedTensor<T>) -> (f64, CalibratedTensor<T>) {
-        let mut agreeing: Vec<Triple<T>> = Vec::with_capacity(self.triples.len());
+    fn improve(&self, mut tensor: CalibratedTensor<f64>) -> (f64, CalibratedTensor<f64>) {
+        let mut agreeing: Vec<Triple<f64>> = Vec::with_capacity(self.triples.len());
         for bound in NARROWER {
             agreeing.clear();
             agreeing.extend(self.agreeing(&tensor, bound).map(|k| self.triples[k]));
@@ -134,9 +133,9 @@ impl<T: Real> Common<T> {
         (self.support(&tensor, WIDE), tensor)
     }
 
-    fn seed(&self, tensor: &CalibratedTensor<T>, support: f64) -> Option<Seed<T>> {
+    fn seed(&self, tensor: &CalibratedTensor<f64>, support: f64) -> Option<Seed> {
         let agreeing: Vec<usize> = self.agreeing(tensor, WIDE).collect();
-        let triples: Vec<Triple<T>> = agreeing.iter().map(|&k| self.triples[k]).collect();
+        let triples: Vec<Triple<f64>> = agreeing.iter().map(|&k| self.triples[k]).collect();
         let [first, second] = tensor.motions(&triples).ok()?;
         Some(Seed {
             views: self.views,

@@ -9,7 +9,6 @@ use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
 use crate::error::Error;
 use crate::estimation::{Loss, Map, Problem, RefineOptions, Report, refine_map};
-use crate::scalar::Real;
 use alloc::vec::Vec;
 
 /// Bounds, in standard deviations, on the way from a growing map to the final one.
@@ -27,12 +26,12 @@ const LOWER: f64 = 1.0 - 1e-9;
 
 /// A map at a fixed point: the refinement of its inliers.
 #[derive(Clone)]
-pub struct Settled<T: Real> {
-    pub map: Map<T>,
+pub struct Settled {
+    pub map: Map,
     pub inliers: Vec<bool>,
     /// Half the sum of squares, those of outliers bounded.
-    pub cost: T,
-    pub report: Report<T>,
+    pub cost: f64,
+    pub report: Report,
 }
 
 /// Refines what a map explains to within `bound`. Views and landmarks that this leaves without enough
@@ -42,24 +41,24 @@ pub struct Settled<T: Real> {
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
-pub fn descend<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
+pub fn descend(
+    problem: &Problem,
+    map: &mut Map,
     bound: f64,
     iterations: usize,
-    options: &RefineOptions<T>,
+    options: &RefineOptions,
 ) -> Result<(), Error> {
     let kept = problem.subset(&inliers(problem, map, bound));
     refined(&kept, map, iterations, options).map(|_| ())
 }
 
 /// Refines a map; `None` when it cannot be.
-fn refined<T: Real>(
-    problem: &Problem<T>,
-    map: &mut Map<T>,
+fn refined(
+    problem: &Problem,
+    map: &mut Map,
     iterations: usize,
-    options: &RefineOptions<T>,
-) -> Result<Option<Report<T>>, Error> {
+    options: &RefineOptions,
+) -> Result<Option<Report>, Error> {
     let options = RefineOptions {
         max_iterations: options.max_iterations.min(iterations),
         ..*options
@@ -77,12 +76,12 @@ fn refined<T: Real>(
 ///
 /// # Errors
 /// As [`descend`].
-pub fn fixed_point<T: Real>(
-    problem: &Problem<T>,
-    mut map: Map<T>,
+pub fn fixed_point(
+    problem: &Problem,
+    mut map: Map,
     mut kept: Vec<bool>,
-    options: &RefineOptions<T>,
-) -> Result<Option<Settled<T>>, Error> {
+    options: &RefineOptions,
+) -> Result<Option<Settled>, Error> {
     for _ in 0..CHANGES {
         let subset = problem.subset(&kept);
         let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
@@ -106,11 +105,11 @@ pub fn fixed_point<T: Real>(
 ///
 /// # Errors
 /// As [`descend`].
-pub fn settle<T: Real>(
-    problem: &Problem<T>,
-    mut map: Map<T>,
-    options: &RefineOptions<T>,
-) -> Result<Option<Settled<T>>, Error> {
+pub fn settle(
+    problem: &Problem,
+    mut map: Map,
+    options: &RefineOptions,
+) -> Result<Option<Settled>, Error> {
     for bound in NARROWING {
         descend(problem, &mut map, bound, ITERATIONS, options)?;
     }
@@ -118,9 +117,9 @@ pub fn settle<T: Real>(
     fixed_point(problem, map, kept, options)
 }
 
-impl<T: Real> Settled<T> {
+impl Settled {
     /// The result of a plain solve of the inliers of its map.
-    pub fn of(problem: &Problem<T>, found: Reconstruction<T>) -> Self {
+    pub fn of(problem: &Problem, found: Reconstruction) -> Self {
         Self {
             inliers: inliers(problem, &found.map, OUTLIER),
             cost: cost(problem, &found.map, OUTLIER),
@@ -148,7 +147,7 @@ impl<T: Real> Settled<T> {
 
     /// Whether it costs less than another by more than the tolerance of the refinement.
     pub fn is_below(&self, other: &Self) -> bool {
-        self.cost < other.cost * T::lit(LOWER)
+        self.cost < other.cost * LOWER
     }
 
     /// Whether two fixed points are one.
