@@ -2,8 +2,8 @@
 //! Many problems at once, over all cores.
 
 use crate::error::Error;
-use crate::estimation::Problem;
 use crate::kernels::{Method, ThreeView, Triple, three_view};
+use crate::problem::Problem;
 use crate::reconstruction::{Reconstruction, SolveOptions, solve};
 use crate::scalar::Real;
 use alloc::vec::Vec;

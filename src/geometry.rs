@@ -3,6 +3,7 @@
 
 mod align;
 mod bearing;
+pub(crate) mod points;
 
 pub use align::{align, transform_pose};
 pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle};

@@ -22,11 +22,13 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
-//! | `lm` | Levenberg-Marquardt, bearings linearised | `core` |
+//! | `lm` | nonlinear least squares: one engine, one linearised bearing | `core` |
 //! | `fixed` | maps in storage of the caller: growth and refinement | `core` |
-//! | `estimation` | problems with odometry and priors, refinement, covariances | `alloc` |
-//! | `reconstruction` | maps of many views from nothing | `alloc` |
+//! | `problem` | sightings, odometry and priors; poses and landmarks | `alloc` |
+//! | `adjustment` | residuals, normal equations, refinement | `alloc` |
+//! | `uncertainty` | covariances, sensitivity, weak directions | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
+//! | `reconstruction` | maps of many views from nothing | `alloc` |
 //! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
 //! | `batch` | many problems over all cores | `rayon` |
 //! | `sweep` | Monte-Carlo sweeps over random scenes | `rayon` |
@@ -49,6 +51,8 @@ extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
 
+#[cfg(feature = "alloc")]
+mod adjustment;
 #[cfg(feature = "rayon")]
 mod batch;
 #[cfg(feature = "capi")]
@@ -56,14 +60,14 @@ pub mod capi;
 #[cfg(feature = "alloc")]
 mod diagnosis;
 mod error;
-#[cfg(feature = "alloc")]
-mod estimation;
 mod fixed;
 #[cfg(all(feature = "alloc", not(feature = "std")))]
 mod float;
 mod geometry;
 mod kernels;
 mod lm;
+#[cfg(feature = "alloc")]
+mod problem;
 #[cfg(feature = "python")]
 mod python;
 #[cfg(feature = "alloc")]
@@ -73,23 +77,27 @@ mod scalar;
 mod simulate;
 #[cfg(feature = "rayon")]
 mod sweep;
+#[cfg(feature = "alloc")]
+mod uncertainty;
 
+#[cfg(feature = "alloc")]
+pub use adjustment::{Report, Watch, refine_map};
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
 pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
 pub use error::Error;
-#[cfg(feature = "alloc")]
-pub use estimation::{
-    Covariance, Frame, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Report, Seen,
-    Sighting, Subject, Undetermined, Watch, Why, covariance, refine_map,
-};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
 };
 pub use kernels::*;
 pub use lm::{Loss, Outcome, RefineOptions, Termination};
+#[cfg(feature = "alloc")]
+pub use problem::{
+    LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Seen, Sighting, Subject, Undetermined,
+    Why,
+};
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
     Progress, Reconstruction, Search, SolveOptions, Strategy, initialize, refine, solve,
@@ -101,6 +109,8 @@ pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
 pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
 };
+#[cfg(feature = "alloc")]
+pub use uncertainty::{Covariance, Frame, covariance};
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

@@ -13,5 +13,5 @@ mod termination;
 pub use loss::Loss;
 pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
 pub use options::RefineOptions;
-pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, horizon, optimize_landmark};
+pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use termination::Termination;

@@ -10,10 +10,10 @@ pub use bound::Bound;
 pub use errors::Errors;
 
 use crate::error::Error;
-use crate::estimation::Map;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::{Pose, bearing_to, pose};
+use crate::problem::Map;
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::Point2;

@@ -2,16 +2,18 @@
 //! Problems with odometry or priors, and maps that are too large for all their singular values: the weakest
 //! directions by the sparse normal equations, without names for shapes.
 
-use super::counting;
 use super::describe::{configuration, finding};
-use super::examine::{LOOSE, WEAK};
 use super::finding::{Finding, Kind, Severity, apart};
+use super::parts::components::Part;
 use super::report::{Diagnosis, NullDirection};
-use super::structure::Part;
+use super::shapes::examine::{LOOSE, WEAK};
 use super::words::both;
+use crate::adjustment::gauge::gauge_and_prior_numbers;
+use crate::diagnosis::parts::counting;
 use crate::error::Error;
-use crate::estimation::{Loose, Map, Problem, Subject, loose_directions};
+use crate::problem::{Map, Problem, Subject};
 use crate::reconstruction::{Progress, SolveOptions, solve};
+use crate::uncertainty::{Loose, loose_directions};
 use alloc::format;
 use alloc::string::ToString;
 use alloc::vec::Vec;
@@ -81,7 +83,7 @@ pub fn look_beyond(
         sightings: residuals.flatten().count(),
         views,
         landmarks,
-        ties: map.ties(problem),
+        ties: gauge_and_prior_numbers(problem, map),
     };
     diagnosis.components = Vec::from([part]);
     weakest(problem, map, 1.0, &|subject| subject, diagnosis);

@@ -2,13 +2,14 @@
 //! The diagnosis: first what the sightings tell, then what a map tells.
 
 use super::beyond::look_beyond;
-use super::counting;
-use super::own::Own;
+use super::maps::explaining_map::seed;
+use super::parts::components::{Core, Part, tied};
+use super::parts::subproblem::Own;
 use super::report::Diagnosis;
-use super::structure::{Core, Part, tied};
+use crate::diagnosis::parts::counting;
 use crate::error::Error;
-use crate::estimation::{Map, Problem};
-use crate::reconstruction::{Progress, seed};
+use crate::problem::{Map, Problem};
+use crate::reconstruction::Progress;
 use alloc::vec::Vec;
 
 /// What the bearings determine and what they do not, with names for the reasons.

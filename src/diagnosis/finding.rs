@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What can be wrong with a problem, by name.
 
-use crate::estimation::Subject;
+use crate::problem::Subject;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;

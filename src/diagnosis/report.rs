@@ -2,9 +2,9 @@
 //! What a diagnosis returns, and how it reads.
 
 use super::finding::{Finding, Kind, Severity};
-use super::structure::Part;
+use super::parts::components::Part;
 use super::words::{both, count};
-use crate::estimation::Subject;
+use crate::problem::Subject;
 use alloc::vec::Vec;
 use core::fmt;
 

@@ -2,16 +2,16 @@
 //! From what a map tells to findings.
 
 use super::beyond::weakest;
-use super::counting;
 use super::describe::{configuration, finding};
-use super::evidence::{Evidence, Judged};
-use super::examine::{Direction, Examination, examine};
-use super::figure::Figure;
 use super::finding::{Finding, Kind, Severity, apart};
-use super::own::Own;
+use super::maps::choose::{Evidence, Judged};
+use super::parts::subproblem::Own;
 use super::report::{Diagnosis, NullDirection};
+use super::shapes::examine::{Direction, Examination, examine};
+use super::shapes::normalized_map::Figure;
 use super::words::both;
-use crate::estimation::{Map, Subject, Undetermined, Why};
+use crate::diagnosis::parts::counting;
+use crate::problem::{Map, Subject, Undetermined, Why};
 use alloc::format;
 use alloc::vec::Vec;
 

@@ -4,10 +4,11 @@
 use super::{FixedMap, Workspace};
 use crate::error::Error;
 use crate::geometry::Pose;
+use crate::geometry::points::{unit, within_horizon};
 use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use crate::lm::{
     BearingRow, LandmarkNormal, LeastSquares, Outcome, Ray, RefineOptions, SightingModel, Trial,
-    horizon, minimize, optimize_landmark, rounding,
+    minimize, optimize_landmark, rounding,
 };
 use crate::scalar::Real;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
@@ -68,9 +69,16 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
                 got: 0,
             });
         };
-        let unit = self.unit()?;
+        let views = self.poses.iter().flatten();
+        let views = views.map(|pose| pose.translation.vector);
+        let points = self.landmarks.iter().flatten().map(|point| point.coords);
+        let unit = unit(views, points)?;
         self.scale(T::one() / unit);
-        self.bring_in();
+        if let Some(home) = self.poses.iter().flatten().next() {
+            for point in self.landmarks.iter_mut().flatten() {
+                point.coords = within_horizon(point.coords, &home.translation.vector);
+            }
+        }
         let model = SightingModel {
             oriented: true,
             loss: options.loss,
@@ -120,59 +128,12 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         dropped
     }
 
-    /// The extent of the views (where they are in one place, of all) as a power of two, so that
-    /// scaling by it loses no digit.
-    fn unit(&self) -> Result<T, Error> {
-        let views = self.poses.iter().flatten();
-        let views = views.map(|pose| pose.translation.vector);
-        let all = views
-            .clone()
-            .chain(self.landmarks.iter().flatten().map(|point| point.coords));
-        let finite = |place: Vector2<T>| place.x.is_finite() && place.y.is_finite();
-        if let Some(index) = all.clone().position(|place| !finite(place)) {
-            return Err(Error::NotFinite {
-                what: "positions of the start",
-                index,
-            });
-        }
-        let power = |size: T| T::lit(2.0).powf(size.log2().round());
-        let usable = |size: &T| {
-            let unit = power(*size);
-            let square = unit * unit;
-            *size > T::zero() && square.is_finite() && (T::one() / square).is_finite()
-        };
-        let whole = extent(all);
-        match [extent(views), whole].into_iter().find(usable) {
-            Some(size) => Ok(power(size)),
-            None => Err(Error::Degenerate {
-                quantity: "extent of the start",
-                value: whole.as_f64(),
-                bound: 0.0,
-            }),
-        }
-    }
-
     fn scale(&mut self, factor: T) {
         for pose in self.poses.iter_mut().flatten() {
             pose.translation.vector *= factor;
         }
         for point in self.landmarks.iter_mut().flatten() {
             point.coords *= factor;
-        }
-    }
-
-    /// Brings landmarks that are too far away to be told from infinity to where they can just be.
-    fn bring_in(&mut self) {
-        let horizon = horizon::<T>();
-        let Some(home) = self.poses.iter().flatten().next() else {
-            return;
-        };
-        let home = home.translation.vector;
-        for point in self.landmarks.iter_mut().flatten() {
-            let offset = point.coords - home;
-            if offset.amax() > horizon {
-                *point = Point2::from(home + (offset / offset.amax()).normalize() * horizon);
-            }
         }
     }
 }
@@ -347,15 +308,4 @@ fn moved<T: Real>(pose: &Pose<T>, [x, y, theta]: &[T; 3]) -> Pose<T> {
         Translation2::from(pose.translation.vector + Vector2::new(*x, *y)),
         UnitComplex::new_unchecked(turned * scale),
     )
-}
-
-/// The longer side of the box around some places.
-fn extent<T: Real>(mut places: impl Iterator<Item = Vector2<T>>) -> T {
-    let Some(first) = places.next() else {
-        return T::zero();
-    };
-    let (low, high) = places.fold((first, first), |(low, high), place| {
-        (low.inf(&place), high.sup(&place))
-    });
-    (high - low).amax()
 }

@@ -5,11 +5,10 @@
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
 use super::complement::complement;
-use super::gram;
 use super::motion::{LineMotion, Motion, settle};
 use super::pair::{ComplexPair, Pair};
 use super::triangular::TriangularFactor;
-use super::{TrifocalTensor, Triple};
+use super::{TrifocalTensor, Triple, gram};
 use crate::error::Error;
 use crate::scalar::Real;
 use nalgebra::{Complex, Vector6};

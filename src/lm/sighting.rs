@@ -6,6 +6,7 @@
 //! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
 
 use super::loss::Loss;
+use crate::geometry::points::horizon;
 use crate::geometry::{Bearing, Pose, signed_angle};
 use crate::scalar::Real;
 use nalgebra::{Point2, Vector2};
@@ -203,9 +204,4 @@ pub fn optimize_landmark<T: Real>(
         }
     }
     (first, 1, there.loss)
-}
-
-/// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
-pub fn horizon<T: Real>() -> T {
-    T::lit(0.1) / T::eps().sqrt()
 }

@@ -12,7 +12,7 @@ mod relative;
 
 use super::options::{Progress, tell};
 use crate::error::Error;
-use crate::estimation::{Map, Problem};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
 /// Most views: the systems are dense in the views.

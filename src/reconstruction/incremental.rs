@@ -8,16 +8,17 @@ mod locate;
 mod merge;
 mod seeds;
 
-use super::minima::{SAME_COST, is_plausible, same};
+use super::incremental::complete::finish;
+use super::incremental::growth::Growth;
+use super::incremental::merge::{best, merge, variance, views};
+use super::judge::{SAME_COST, is_plausible, same};
 use super::options::Progress;
 use super::result::Reconstruction;
 use crate::error::Error;
-use crate::estimation::{Map, Problem, RefineOptions, Termination};
+use crate::lm::{RefineOptions, Termination};
+use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
-use complete::finish;
-use growth::Growth;
-use merge::{best, merge, variance, views};
 
 /// Seeds that are tried for a map before the best is taken as it is.
 const ATTEMPTS: usize = 12;

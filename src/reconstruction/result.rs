@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a reconstruction returns.
 
-use crate::estimation::{Loss, Map, Problem, Report, Termination, Undetermined};
+use crate::adjustment::Report;
+use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::lm::{Loss, Termination};
+use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 
 /// A map, how well it explains the bearings, and its rivals.
@@ -58,7 +61,7 @@ pub struct Reconstruction {
 impl Reconstruction {
     /// Normalises a map and judges it.
     pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
-        let map = map.framed(problem);
+        let map = in_reported_frame(problem, map);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let mut inliers = alloc::vec![false; residuals.len()];
         let (mut squares, mut count) = (0.0, 0.0_f64);
@@ -97,7 +100,7 @@ impl Reconstruction {
 fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();
-    let (free, numbers) = map.ties(problem);
+    let (free, numbers) = gauge_and_prior_numbers(problem, map);
     let measured = residuals.iter().flatten().count() + numbers;
     (measured + free).saturating_sub(3 * views + 2 * landmarks)
 }

@@ -2,9 +2,10 @@
 //! The smallest errors that are possible.
 
 use super::Scene;
-use crate::estimation::{Problem, aligned_variances};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::problem::Problem;
+use crate::uncertainty::aligned_variances;
 
 /// The Cramer-Rao bound on the errors of a map, in the measure of [`Errors`](super::Errors).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,10 +3,10 @@
 
 use super::Scene;
 use crate::error::Error;
-use crate::estimation::Map;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::{align, transform_pose};
+use crate::problem::Map;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 

@@ -3,8 +3,8 @@
 
 use super::Scene;
 use crate::error::Error;
-use crate::estimation::{Noise, Odometry};
 use crate::geometry::{Pose, pose};
+use crate::problem::{Noise, Odometry};
 use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -3,8 +3,9 @@
 
 use super::Cell;
 use crate::error::Error;
-use crate::estimation::{Problem, RefineOptions, Why};
 use crate::kernels::Method;
+use crate::lm::RefineOptions;
+use crate::problem::{Problem, Why};
 use crate::reconstruction::{
     Progress, Reconstruction, SolveOptions, Strategy, initialize, refine, solve,
 };

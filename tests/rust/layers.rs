@@ -1,30 +1,53 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Dependencies point one way: a module names only those in the layers below it.
+//! Dependencies point one way, file by file: no circle of files anywhere, and a room uses only the rooms
+//! below it.
+//!
+//! The imports are read from the source text. A name that a room re-exports counts as the file that defines it,
+//! so a path through the front door of a room hides no circle.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// From the bottom up.
-const LAYERS: [&[&str]; 11] = [
-    &["scalar", "error"],
-    &["geometry"],
-    &["kernels"],
-    &["lm"],
-    &["fixed"],
-    &["estimation"],
-    &["reconstruction", "simulate"],
-    &["diagnosis"],
-    &["batch"],
-    &["sweep"],
-    &["python", "capi"],
+/// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
+/// those before it.
+const ROOMS: [&str; 29] = [
+    "scalar",
+    "float",
+    "error",
+    "geometry",
+    "kernels",
+    "lm",
+    "problem",
+    "fixed",
+    "adjustment",
+    "uncertainty",
+    "simulate",
+    "reconstruction/options",
+    "reconstruction/result",
+    "reconstruction/judge",
+    "reconstruction/infinity",
+    "reconstruction/grow",
+    "reconstruction/search",
+    "reconstruction/incremental",
+    "reconstruction/global",
+    "reconstruction/strategy",
+    "reconstruction/robust",
+    "reconstruction/odometry",
+    "reconstruction/solve",
+    "diagnosis/shapes",
+    "diagnosis/parts",
+    "diagnosis/maps",
+    "diagnosis",
+    "batch",
+    "sweep",
 ];
 
-fn layer(module: &str) -> usize {
-    LAYERS
-        .iter()
-        .position(|modules| modules.contains(&module))
-        .unwrap_or_else(|| panic!("module {module} has no layer"))
-}
+/// The crate's front door and the bindings, which use the crate by its public names as everybody else does.
+const ABOVE: [&str; 3] = ["lib", "python", "capi"];
+
+/// A file's module path, such as `kernels/motion`, and what it imports, each as the path of a name.
+type Imports = BTreeMap<String, BTreeSet<Vec<String>>>;
 
 fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -37,35 +60,239 @@ fn files(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-#[test]
-fn modules_use_only_what_is_below_them() {
+/// The source without comments and without the tests at its end.
+fn code(text: &str) -> String {
+    let text = text.split("#[cfg(test)]\nmod ").next().unwrap();
+    let lines = text.lines().map(|line| line.split("//").next().unwrap());
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// The names behind a path with braces: `a::{b, c::{d, e}}` is `a::b`, `a::c::d`, `a::c::e`.
+fn names(tree: &str, before: &[String], found: &mut Vec<Vec<String>>) {
+    let tree = tree.trim();
+    let (head, group) = match tree.find('{') {
+        Some(open) => (
+            &tree[..open],
+            Some(&tree[open + 1..tree.rfind('}').unwrap()]),
+        ),
+        None => (tree, None),
+    };
+    let mut path = before.to_vec();
+    let segments = head.split(" as ").next().unwrap().split("::");
+    path.extend(
+        segments
+            .map(str::trim)
+            .filter(|s| !s.is_empty() && *s != "self")
+            .map(String::from),
+    );
+    let Some(group) = group else {
+        found.push(path);
+        return;
+    };
+    let (mut depth, mut start) = (0, 0);
+    for (place, letter) in group.char_indices() {
+        match letter {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                if !group[start..place].trim().is_empty() {
+                    names(&group[start..place], &path, found);
+                }
+                start = place + 1;
+            }
+            _ => {}
+        }
+    }
+    if !group[start..].trim().is_empty() {
+        names(&group[start..], &path, found);
+    }
+}
+
+/// A path from the root of the crate, `None` for one that leads out of it.
+fn absolute(
+    module: &str,
+    path: Vec<String>,
+    is_child: impl Fn(&str) -> bool,
+) -> Option<Vec<String>> {
+    let here: Vec<String> = module.split('/').map(String::from).collect();
+    match path.first().map(String::as_str)? {
+        "crate" => Some(path[1..].to_vec()),
+        "super" => {
+            let up = path
+                .iter()
+                .take_while(|segment| *segment == "super")
+                .count();
+            Some([&here[..here.len().checked_sub(up)?], &path[up..]].concat())
+        }
+        first if is_child(first) => Some([&here[..], &path[..]].concat()),
+        _ => None,
+    }
+}
+
+/// All paths that stand in a file: of its `use` statements, and those in its code that begin with `crate` or
+/// `super`.
+fn paths(code: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
+    let (mut used, mut reexported) = (Vec::new(), Vec::new());
+    let mut rest = String::new();
+    let mut statements = code.split(';').peekable();
+    while let Some(statement) = statements.next() {
+        let line = statement.rfind("use ").filter(|&at| {
+            let before = statement[..at].rsplit(['\n', '}']).next().unwrap().trim();
+            before.is_empty()
+                || before == "pub"
+                || (before.starts_with("pub(") && before.ends_with(')'))
+        });
+        match line {
+            Some(at) => {
+                let mut found = Vec::new();
+                names(&statement[at + 4..], &[], &mut found);
+                let before = statement[..at].rsplit('\n').next().unwrap();
+                if before.contains("pub") {
+                    reexported.extend(found.clone());
+                }
+                used.extend(found);
+                rest.push_str(&statement[..at]);
+            }
+            None => rest.push_str(statement),
+        }
+        rest.push(';');
+    }
+    for start in ["crate::", "super::"] {
+        for (at, _) in rest.match_indices(start) {
+            let before = rest[..at].chars().last();
+            if before.is_some_and(|c| c.is_alphanumeric() || c == '_' || c == ':') {
+                continue;
+            }
+            let letters = |c: &char| c.is_alphanumeric() || *c == '_' || *c == ':';
+            let path: String = rest[at..].chars().take_while(letters).collect();
+            used.push(
+                path.split("::")
+                    .filter(|s| !s.is_empty())
+                    .map(String::from)
+                    .collect(),
+            );
+        }
+    }
+    (used, reexported)
+}
+
+/// Which file uses which.
+fn graph() -> BTreeMap<String, BTreeSet<String>> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut all = Vec::new();
     files(&source, &mut all);
-    let mut checked = 0;
-    for path in all {
-        let relative = path.strip_prefix(&source).unwrap();
-        let first = relative.components().next().unwrap().as_os_str();
-        let module = first.to_str().unwrap().trim_end_matches(".rs");
-        // The bindings use the crate as everybody else does, by its top-level names.
-        if module == "lib" || module == "python" {
-            continue;
-        }
-        let text = fs::read_to_string(&path).unwrap();
-        for part in text.split("crate::").skip(1) {
-            let used: String = part
-                .chars()
-                .take_while(|c| c.is_ascii_lowercase() || *c == '_')
-                .collect();
-            if LAYERS
+    let texts: BTreeMap<String, String> = all
+        .iter()
+        .map(|path| {
+            let module = path.strip_prefix(&source).unwrap().with_extension("");
+            let module = module.to_str().unwrap().replace('\\', "/");
+            (module, code(&fs::read_to_string(path).unwrap()))
+        })
+        .filter(|(module, _)| {
+            !ABOVE
                 .iter()
-                .any(|modules| modules.contains(&used.as_str()))
-            {
-                checked += 1;
-                let fits = used == module || layer(&used) < layer(module);
-                assert!(fits, "{} uses {used}", relative.display());
+                .any(|above| module.split('/').next() == Some(above))
+        })
+        .collect();
+    let resolved = |module: &str, found: Vec<Vec<String>>| -> Vec<Vec<String>> {
+        let is_child = |name: &str| texts.contains_key(&format!("{module}/{name}"));
+        let found = found.into_iter();
+        found
+            .filter_map(|path| absolute(module, path, is_child))
+            .collect()
+    };
+    let (mut uses, mut doors) = (Imports::new(), BTreeMap::new());
+    for (module, text) in &texts {
+        let (used, reexported) = paths(text);
+        for path in resolved(module, reexported) {
+            if let Some(name) = path.last() {
+                doors.insert(format!("{module}/{name}"), path.join("/"));
             }
         }
+        uses.insert(module.clone(), resolved(module, used).into_iter().collect());
     }
-    assert!(checked > 20);
+    // The file of a name: through as many doors as there are, then the longest path that is one.
+    let file = |path: &[String]| -> Option<String> {
+        let mut path = path.to_vec();
+        for _ in 0..4 {
+            let door = (1..=path.len()).rev().find_map(|length| {
+                let behind = doors.get(&path[..length].join("/"))?;
+                Some((length, behind.clone()))
+            });
+            let Some((length, behind)) = door else { break };
+            let mut next: Vec<String> = behind.split('/').map(String::from).collect();
+            next.extend_from_slice(&path[length..]);
+            path = next;
+        }
+        let found = (1..=path.len())
+            .rev()
+            .map(|length| path[..length].join("/"));
+        found.into_iter().find(|module| texts.contains_key(module))
+    };
+    let mut graph = BTreeMap::new();
+    for (module, used) in &uses {
+        // A file that only opens its room to others uses nothing itself.
+        let opens = texts
+            .keys()
+            .any(|other| other.starts_with(&format!("{module}/")));
+        let mut found: BTreeSet<String> = used.iter().filter_map(|path| file(path)).collect();
+        found.remove(module);
+        if opens {
+            found.retain(|other| !other.starts_with(&format!("{module}/")));
+        }
+        graph.insert(module.clone(), found);
+    }
+    graph
+}
+
+fn room(module: &str) -> usize {
+    let fits = |room: &&str| module == *room || module.starts_with(&format!("{room}/"));
+    let rooms = ROOMS.iter().enumerate().filter(|(_, room)| fits(room));
+    rooms
+        .max_by_key(|(_, room)| room.len())
+        .unwrap_or_else(|| panic!("{module} is in no room"))
+        .0
+}
+
+#[test]
+fn no_files_use_each_other_in_a_circle() {
+    let mut graph = graph();
+    // Files that use nothing that is left go, until none does: what remains is in circles or uses them.
+    loop {
+        let done: Vec<String> = graph
+            .iter()
+            .filter(|(_, used)| used.iter().all(|other| !graph.contains_key(other)))
+            .map(|(module, _)| module.clone())
+            .collect();
+        if done.is_empty() {
+            break;
+        }
+        for module in done {
+            graph.remove(&module);
+        }
+    }
+    for used in graph.values_mut() {
+        used.retain(|other| room(other) < ROOMS.len());
+    }
+    assert!(
+        graph.is_empty(),
+        "files in a circle, or that use one: {graph:#?}"
+    );
+}
+
+#[test]
+fn rooms_use_only_what_is_below_them() {
+    let graph = graph();
+    let mut checked = 0;
+    for (module, used) in &graph {
+        // The front door of a folder of rooms.
+        if ["reconstruction"].contains(&module.as_str()) {
+            continue;
+        }
+        for other in used {
+            checked += 1;
+            assert!(room(other) <= room(module), "{module} uses {other}");
+        }
+    }
+    assert!(checked > 300, "{checked} imports were found");
 }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! All positions and landmarks from known headings: one homogeneous linear system.
 
-use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use crate::geometry::Pose;
+use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vector2};

@@ -2,10 +2,10 @@
 //! Relative headings of many triples of views, and which views they connect.
 
 use super::super::options::{Progress, tell};
-use super::super::triples::{self, are_rivals, common_bearings};
+use super::super::search::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
-use crate::estimation::Problem;
 use crate::kernels::CalibratedTensor;
+use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::UnitComplex;

@@ -3,10 +3,10 @@
 //!
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
-use crate::estimation::{Map, Problem};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
+use crate::problem::{Map, Problem};
 use nalgebra::{Matrix2, Point2, Vector2};
 
 /// Noise \[rad\] that is expected before anything has been measured: a good degree, and for how many

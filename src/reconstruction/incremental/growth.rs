@@ -8,13 +8,13 @@
 use super::super::options::{Progress, tell};
 use super::gates::{Fit, noise, range_variance};
 use super::locate;
+use crate::adjustment::refine_map;
 use crate::error::Error;
-use crate::estimation::{
-    MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, RefineOptions, refine_map,
-};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
+use crate::lm::RefineOptions;
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;

@@ -5,11 +5,11 @@
 //! know nothing of the side: the place that puts it ahead is tried as well.
 
 use super::gates::Fit;
-use crate::estimation::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
 use crate::kernels::{Resection, resect, triangulate};
+use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use nalgebra::{Point2, Translation2, Vector2};
 
 /// A view from the landmarks that have a place: how it was found, its pose and how that fits.

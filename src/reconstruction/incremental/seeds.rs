@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Where maps begin: well conditioned triples of views.
 
-use super::super::triples::{self, are_rivals, common_bearings};
+use super::super::search::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
-use crate::estimation::{Map, Problem};
 use crate::kernels::{CalibratedTensor, Method, three_view};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
 /// Triples drawn per view, and at least and at most.

@@ -5,10 +5,12 @@
 //! the good bearing that contradicts it is large. What the residuals would be without it is foreseen to
 //! first order.
 
+use super::consensus::{Settled, fixed_point};
 use super::objective::OUTLIER;
-use super::settle::{Settled, fixed_point};
 use crate::error::Error;
-use crate::estimation::{Influence, Problem, RefineOptions};
+use crate::lm::RefineOptions;
+use crate::problem::Problem;
+use crate::uncertainty::Influence;
 use alloc::vec;
 use alloc::vec::Vec;
 

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From three views to a whole map, with bearings that may be wrong.
 
+use super::consensus::descend;
 use super::place::{place_landmark, place_view};
-use super::sample::Seed;
-use super::settle::descend;
+use super::sampling::Seed;
 use crate::error::Error;
-use crate::estimation::{MIN_LANDMARKS_OF_VIEW, Map, Problem, RefineOptions};
 use crate::geometry::Pose;
 use crate::kernels::Motion;
+use crate::lm::RefineOptions;
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
 

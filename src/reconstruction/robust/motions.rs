@@ -2,8 +2,9 @@
 //! One view against its neighbours in the odometry and the landmarks of the map.
 
 use super::objective::{OUTLIER, square};
-use crate::estimation::{Loss, Map, Problem, Tie};
 use crate::geometry::{Pose, pose};
+use crate::lm::Loss;
+use crate::problem::{Map, Problem, Tie};
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 

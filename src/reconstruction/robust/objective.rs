@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a robust map minimises: squared errors, none of which counts for more than an outlier's.
 
-use crate::estimation::{Loss, Map, Problem, Seen, cost_of_ties};
+use crate::adjustment::cost_of_ties;
 use crate::geometry::Pose;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem, Seen};
 use alloc::vec::Vec;
 use nalgebra::Point2;
 

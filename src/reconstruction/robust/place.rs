@@ -5,9 +5,9 @@
 //! one with the least bounded cost is estimated anew from all that agrees with it.
 
 use super::objective::square;
-use crate::estimation::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2};
 use rand::RngExt;

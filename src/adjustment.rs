@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Least-squares adjustment of all poses and landmarks at once: residuals, normal equations, refinement.
+
+mod align_to_priors;
+pub(crate) mod bundle;
+pub(crate) mod cholesky;
+mod descent;
+pub(crate) mod gauge;
+pub(crate) mod linearized;
+mod newton;
+pub(crate) mod normal;
+pub(crate) mod prior_rows;
+pub(crate) mod refine;
+pub(crate) mod schur;
+mod sparse;
+
+pub(crate) use align_to_priors::fitted;
+pub use refine::{Report, Watch, refine_map};
+pub(crate) use refine::{cost, cost_of_ties};

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A map moved as a whole to where odometry and priors want it.
+//!
+//! Bearings do not change when a map is moved, turned and scaled, so this costs them nothing, and what only
+//! fixes the frame is fulfilled exactly before anything is refined.
+
+use super::bundle::Bundle;
+use super::linearized::kept_positions;
+use super::prior_rows::linearize;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::points::centroid;
+use crate::problem::{Map, Problem, Subject, Tie};
+use alloc::vec::Vec;
+use nalgebra::{
+    Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
+};
+
+/// Steps of Gauss-Newton in the four numbers of a similarity; it converges in a few.
+const STEPS: usize = 30;
+
+/// The map after the similarity with the least cost of its ties, near the best of some first ones.
+///
+/// With bearings modulo pi every heading may be turned round as well, each for itself.
+pub fn fitted(problem: &Problem, map: &Map) -> Map {
+    let active = map.restrict(problem);
+    if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
+        return map.clone();
+    }
+    let mut best = settle(&active, Bundle::from_map(map));
+    for first in first_frames(&active, &Bundle::from_map(map)) {
+        let mut bundle = Bundle::from_map(map);
+        bundle.transform(&first);
+        let found = settle(&active, bundle);
+        if found.0 < best.0 {
+            best = found;
+        }
+    }
+    let mut result = map.clone();
+    best.1.write_to(&mut result);
+    result
+}
+
+/// The cost of the ties.
+fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
+    let ties = problem.ties().iter();
+    ties.fold(0.0, |sum, tie| {
+        sum + linearize(tie, &bundle.poses, &bundle.landmarks).square()
+    })
+}
+
+/// Turns headings round where ties want it: from prior to prior and along the odometry.
+fn turn_round(problem: &Problem, bundle: &mut Bundle) {
+    if problem.is_oriented() {
+        return;
+    }
+    for tie in problem.ties() {
+        let (view, wanted) = match tie {
+            Tie::Pose { view, pose, root } if root[2][2] > 0.0 => (*view, pose.rotation),
+            Tie::Motion {
+                start, end, delta, ..
+            } => (*end, bundle.poses[*start].rotation * delta.rotation),
+            _ => continue,
+        };
+        let rotation = &mut bundle.poses[view].rotation;
+        let apart = wanted.inverse() * *rotation;
+        if apart.re < 0.0 {
+            *rotation = UnitComplex::new_unchecked(-rotation.into_inner());
+        }
+    }
+}
+
+/// First guesses: by the known points, by the known headings, by the lengths of motions.
+fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
+    let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
+    let mut turn = Complex::new(0.0, 0.0);
+    let (mut lengths, mut squares) = (0.0, 0.0);
+    for tie in problem.ties() {
+        match tie {
+            Tie::Landmark {
+                landmark, position, ..
+            } => pairs.push((bundle.landmarks[*landmark], *position)),
+            Tie::Pose { view, pose, root } => {
+                let estimate = &bundle.poses[*view];
+                if root[0][0] > 0.0 && root[1][1] > 0.0 {
+                    let place = |v: &Vector2<f64>| Point2::from(*v);
+                    let (a, b) = (&estimate.translation.vector, &pose.translation.vector);
+                    pairs.push((place(a), place(b)));
+                }
+                if root[2][2] > 0.0 {
+                    let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
+                    // Modulo pi the double is what is known.
+                    turn += if problem.is_oriented() { by } else { by * by };
+                }
+            }
+            Tie::Motion {
+                start, end, delta, ..
+            } => {
+                let [from, to] = [start, end].map(|view| bundle.poses[*view].translation.vector);
+                let length = (to - from).norm();
+                lengths += length * delta.translation.vector.norm();
+                squares += length * length;
+            }
+        }
+    }
+    let mut found = Vec::new();
+    let (source, target): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
+    found.extend(crate::geometry::align(&source, &target));
+    let scale = lengths / squares;
+    let scale = if scale > 0.0 && scale.is_finite() {
+        scale
+    } else {
+        1.0
+    };
+    let norm = turn.norm_sqr().sqrt();
+    let rotation = if norm > f64::EPSILON {
+        let angle = turn.im.atan2(turn.re);
+        let part = if problem.is_oriented() { 1.0 } else { 0.5 };
+        UnitComplex::new(angle * part)
+    } else {
+        UnitComplex::identity()
+    };
+    let half_turn = UnitComplex::new_unchecked(-rotation.into_inner());
+    for rotation in [rotation, half_turn] {
+        let mut similarity = Similarity2::from_parts(Translation2::identity(), rotation, scale);
+        if let Some((from, to)) = pairs.first() {
+            let shift = to - similarity.transform_point(from);
+            similarity.isometry.translation = Translation2::from(shift);
+        }
+        found.push(similarity);
+    }
+    found
+}
+
+/// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
+fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+    turn_round(problem, &mut bundle);
+    let mut now = cost(problem, &bundle);
+    for _ in 0..STEPS {
+        let middle = centroid(&kept_positions::<3>(&bundle));
+        let mut normal = Matrix4::zeros();
+        let mut gradient = Vector4::zeros();
+        for tie in problem.ties() {
+            let row = linearize(tie, &bundle.poses, &bundle.landmarks);
+            for k in 0..3 {
+                let mut change = Vector4::zeros();
+                for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
+                    let (position, heading) = match subject {
+                        Subject::View(view) => (bundle.poses[view].translation.vector, 1.0),
+                        Subject::Landmark(landmark) => (bundle.landmarks[landmark].coords, 0.0),
+                    };
+                    let q = position - middle;
+                    let [x, y, turned] = jacobian[k];
+                    change += Vector4::new(
+                        x,
+                        y,
+                        y * q.x - x * q.y + turned * heading,
+                        x * q.x + y * q.y,
+                    );
+                }
+                normal += change * change.transpose();
+                gradient += change * row.residual[k];
+            }
+        }
+        // What no tie holds gets no step.
+        let bound = normal.amax() * f64::EPSILON;
+        let Ok(inverse) = normal.pseudo_inverse(bound) else {
+            break;
+        };
+        let step = -(inverse * gradient);
+        let mut part = 1.0;
+        let mut lower = None;
+        for _ in 0..HALVINGS {
+            let by = step * part;
+            let rotation = UnitComplex::new(by.z);
+            let scale = by.w.exp();
+            let shift = middle + by.xy() - rotation * middle * scale;
+            let mut moved = bundle.clone();
+            if scale > 0.0 && scale.is_finite() && shift.norm_squared().is_finite() {
+                let shift = Translation2::from(shift);
+                moved.transform(&Similarity2::from_parts(shift, rotation, scale));
+                let there = cost(problem, &moved);
+                if there < now {
+                    lower = Some((there, moved));
+                    break;
+                }
+            }
+            part *= 0.25;
+        }
+        let Some((there, moved)) = lower else { break };
+        let gained = now - there;
+        (now, bundle) = (there, moved);
+        if gained <= now * 1e-12_f64.max(f64::EPSILON) {
+            break;
+        }
+    }
+    (now, bundle)
+}
+
+/// Times that a step which does not lower the cost is quartered.
+const HALVINGS: usize = 8;

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What nothing known fixes: translation, rotation and scale of the whole, less what odometry and priors
+//! say of them.
+
+use super::bundle::Bundle;
+use super::prior_rows::linearize;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::points::{centroid, spread};
+use crate::problem::{Map, Problem, Subject, Tie};
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
+
+/// Share of the size of a tie's derivatives below which what the gauge does to it is rounding.
+const UNTOUCHED: f64 = 1e-9;
+
+/// The same for the sum of squares over all ties.
+const ROUNDING: f64 = 1e-13;
+
+/// The directions of all parameters (poses, then landmarks) along which neither bearings nor ties change:
+/// up to four, (T26).
+///
+/// They are the combinations of translation, rotation and scaling about the centroid that all ties
+/// leave alone, scaled to entries of about 1.
+pub fn free_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
+    let views = bundle.poses.len();
+    let positions = bundle.poses.iter().map(|pose| pose.translation.vector);
+    let places: Vec<Vector2<f64>> = positions
+        .chain(bundle.landmarks.iter().map(|point| point.coords))
+        .collect();
+    let middle = centroid(&places);
+    let size = (spread(&places) / (places.len() as f64)).sqrt();
+    let size = if size > 0.0 { size } else { 1.0 };
+    let at = |parameter: usize, position: &Vector2<f64>| -> [f64; 4] {
+        let q = (position - middle) / size;
+        let turn = 1.0 / size;
+        let row = match parameter {
+            0 => [1.0, 0.0, -q.y, q.x],
+            1 => [0.0, 1.0, q.x, q.y],
+            _ => [0.0, 0.0, turn, 0.0],
+        };
+        row.map(f64::as_f64)
+    };
+    let combinations = untouched(problem, bundle, &at);
+    let mut directions =
+        vec![vec![0.0; 3 * views + 2 * bundle.landmarks.len()]; combinations.len()];
+    for (direction, combination) in directions.iter_mut().zip(&combinations) {
+        for (k, position) in places.iter().enumerate() {
+            let (place, width) = if k < views {
+                (3 * k, 3)
+            } else {
+                (views + 2 * k, 2)
+            };
+            for parameter in 0..width {
+                direction[place + parameter] = at(parameter, position)
+                    .iter()
+                    .zip(combination)
+                    .map(|(entry, part)| entry * part)
+                    .sum();
+            }
+        }
+    }
+    directions
+}
+
+/// The combinations of the four that change no tie.
+fn untouched(
+    problem: &Problem,
+    bundle: &Bundle,
+    at: &impl Fn(usize, &Vector2<f64>) -> [f64; 4],
+) -> Vec<[f64; 4]> {
+    let mut held = Matrix4::<f64>::zeros();
+    for tie in problem.ties() {
+        let row = linearize(tie, &bundle.poses, &bundle.landmarks);
+        for k in 0..3 {
+            // The change of a residual along each of the four, and the size of what cancels in it.
+            let (mut change, mut size) = ([0.0; 4], [0.0_f64; 4]);
+            for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
+                let position = match subject {
+                    Subject::View(view) => bundle.poses[view].translation.vector,
+                    Subject::Landmark(landmark) => bundle.landmarks[landmark].coords,
+                };
+                for (parameter, slope) in jacobian[k].iter().enumerate() {
+                    for (g, entry) in at(parameter, &position).into_iter().enumerate() {
+                        let product = slope * entry;
+                        change[g] += product;
+                        size[g] += product.abs();
+                    }
+                }
+            }
+            let norm = size.iter().map(|s| s * s).sum::<f64>();
+            if !(norm > 0.0 && norm.is_finite()) {
+                continue;
+            }
+            let norm = norm.sqrt();
+            let change = Vector4::from(change) / norm;
+            if change.norm() > UNTOUCHED {
+                held += change * change.transpose();
+            }
+        }
+    }
+    let eigen = held.symmetric_eigen();
+    let largest = eigen.eigenvalues.amax();
+    (0..4)
+        .filter(|&k| !(eigen.eigenvalues[k] > largest * ROUNDING))
+        .map(|k| core::array::from_fn(|g| eigen.eigenvectors[(g, k)]))
+        .collect()
+}
+
+/// Parameters that hold the given directions when they are held themselves, one for each: by elimination
+/// with complete pivoting, each entry in units of the parameter's standard deviation.
+pub fn anchors(directions: &[Vec<f64>], information: impl Fn(usize) -> f64) -> Vec<usize> {
+    let mut rest: Vec<Vec<f64>> = directions.to_vec();
+    let mut chosen = Vec::new();
+    for done in 0..rest.len() {
+        let mut best = (0.0, 0, done);
+        for (k, direction) in rest.iter().enumerate().skip(done) {
+            for (parameter, entry) in direction.iter().enumerate() {
+                let weight = entry * entry * information(parameter);
+                if weight > best.0 {
+                    best = (weight, parameter, k);
+                }
+            }
+        }
+        let (weight, parameter, k) = best;
+        if !(weight > 0.0) {
+            break;
+        }
+        rest.swap(done, k);
+        let (head, tail) = rest.split_at_mut(done + 1);
+        let pivot = &head[done];
+        for other in tail {
+            let factor = other[parameter] / pivot[parameter];
+            for (entry, from) in other.iter_mut().zip(pivot) {
+                *entry -= factor * from;
+            }
+        }
+        chosen.push(parameter);
+    }
+    chosen
+}
+
+/// A map in the frame in which it is reported: what odometry and priors of the problem do not fix is fixed
+/// as in [`Map::normalized`].
+pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
+    let mut framed = if problem.ties().is_empty() {
+        map.normalized()
+    } else {
+        let held = Held::of(&map.restrict(problem));
+        match held.frame(&Bundle::from_map(map)) {
+            Some(similarity) => map.transformed(&similarity),
+            None => map.clone(),
+        }
+    };
+    if !problem.is_oriented() && problem.ties().is_empty() {
+        // A heading is known modulo pi; odometry and priors may know more.
+        for pose in framed.poses.iter_mut().flatten() {
+            if pose.rotation.re < 0.0 {
+                pose.rotation = UnitComplex::new_unchecked(-pose.rotation.into_inner());
+            }
+        }
+    }
+    framed
+}
+
+/// How many directions of the whole odometry and priors leave free in a map, and how many numbers they give.
+pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
+    if problem.ties().is_empty() {
+        return (4, 0);
+    }
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    let ties = active.ties().iter();
+    let numbers = ties.map(|tie| linearize(tie, &bundle.poses, &bundle.landmarks).count());
+    (free_directions(&active, &bundle).len(), numbers.sum())
+}
+
+/// What of the whole odometry and priors hold, told by their kind.
+#[derive(Clone, Debug)]
+pub struct Held {
+    /// The subjects whose position is known, the first two of them.
+    points: Vec<Subject>,
+    heading: bool,
+    scale: bool,
+}
+
+impl Held {
+    /// What the ties of a problem hold.
+    pub fn of(problem: &Problem) -> Self {
+        let mut held = Self {
+            points: Vec::new(),
+            heading: false,
+            scale: false,
+        };
+        for tie in problem.ties() {
+            match tie {
+                Tie::Motion { .. } => held.scale = true,
+                Tie::Pose { view, root, .. } => {
+                    if root[0][0] > 0.0 || root[1][1] > 0.0 {
+                        held.add(Subject::View(*view));
+                    }
+                    held.heading |= root[2][2] > 0.0;
+                }
+                Tie::Landmark { landmark, .. } => held.add(Subject::Landmark(*landmark)),
+            }
+        }
+        held.scale |= held.points.len() > 1;
+        held.heading |= held.points.len() > 1;
+        held
+    }
+
+    fn add(&mut self, subject: Subject) {
+        if self.points.len() < 2 && !self.points.contains(&subject) {
+            self.points.push(subject);
+        }
+    }
+
+    /// The similarity that brings a map into the frame in which it is reported: of what is not held, the
+    /// first view is at the origin with heading 0, and the root-mean-square distance of the other
+    /// views from it is 1. `None` when the views are in one place.
+    pub fn frame(&self, bundle: &Bundle) -> Option<Similarity2<f64>> {
+        let first = bundle.poses.first()?;
+        let pivot = match self.points.first() {
+            None => first.translation.vector,
+            Some(Subject::View(view)) => bundle.poses[*view].translation.vector,
+            Some(Subject::Landmark(landmark)) => bundle.landmarks[*landmark].coords,
+        };
+        let scale = if self.scale {
+            1.0
+        } else {
+            let others = bundle.poses.iter().skip(1);
+            let sum = others.fold(0.0, |sum, pose| {
+                sum + (pose.translation.vector - first.translation.vector).norm_squared()
+            });
+            ((bundle.poses.len() as f64 - 1.0) / sum).sqrt()
+        };
+        if !(scale > 0.0 && scale.is_finite()) {
+            return None;
+        }
+        let rotation = if self.heading {
+            UnitComplex::identity()
+        } else {
+            first.rotation.inverse()
+        };
+        let target = if self.points.is_empty() {
+            Vector2::zeros()
+        } else {
+            pivot
+        };
+        let shift = target - rotation * pivot * scale;
+        Some(Similarity2::from_parts(
+            Translation2::from(shift),
+            rotation,
+            scale,
+        ))
+    }
+
+    /// What that frame holds fixed, each as a row over all parameters.
+    pub fn constraints(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
+        let size = 3 * bundle.poses.len() + 2 * bundle.landmarks.len();
+        let unit = |parameter: usize| {
+            let mut row = vec![0.0; size];
+            row[parameter] = 1.0;
+            row
+        };
+        let mut rows = Vec::new();
+        if self.points.is_empty() {
+            rows.extend([unit(0), unit(1)]);
+        }
+        if !self.heading {
+            rows.push(unit(2));
+        }
+        if !self.scale {
+            let mut row = vec![0.0; size];
+            let first = bundle.poses[0].translation.vector;
+            for (view, pose) in bundle.poses.iter().enumerate() {
+                let offset = (pose.translation.vector - first).map(f64::as_f64);
+                for (k, part) in [offset.x, offset.y].into_iter().enumerate() {
+                    row[3 * view + k] += part;
+                    row[k] -= part;
+                }
+            }
+            rows.push(row);
+        }
+        rows
+    }
+}

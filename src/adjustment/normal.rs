@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The sparse normal equations of everything: bearings, odometry, priors.
+//!
+//! Parameters are numbered views first (x, y, heading), then landmarks (x, y). What the gauge leaves free
+//! is held by anchors: single parameters that are given more weight. As the right-hand side is at right
+//! angles to what is free, they choose the step along it and change nothing else.
+
+use super::bundle::{Bundle, Row, Rows};
+use super::descent::System;
+use super::gauge::{anchors, free_directions};
+use super::prior_rows::TieRow;
+use super::sparse::SparseCholesky;
+use crate::problem::{Problem, Subject, Tie};
+use crate::scalar::Real;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{Vector2, Vector3};
+
+/// A column of blocks: all parameters of one subject.
+#[derive(Clone, Copy)]
+struct Column {
+    /// Number of its first parameter, and of its parameters.
+    parameter: usize,
+    width: usize,
+    /// Where its values begin, and how many each of its columns has.
+    start: usize,
+    height: usize,
+}
+
+/// The matrix `J^T J` and the gradient `J^T r`.
+pub struct Normal<'a> {
+    problem: &'a Problem,
+    /// Of views, then of landmarks.
+    columns: Vec<Column>,
+    /// For each sighting, and each tie of two views, how far down its column its block is.
+    sighting_row: Vec<usize>,
+    tie_row: Vec<usize>,
+    values: Vec<f64>,
+    gradient: Vec<f64>,
+    held: Vec<f64>,
+    /// Parameters that hold the gauge.
+    anchors: Vec<usize>,
+    cholesky: SparseCholesky,
+    delta: Vec<f64>,
+    /// Landmarks that a prior holds.
+    known: Vec<bool>,
+}
+
+impl<'a> Normal<'a> {
+    /// The pattern of a problem; `None` when there is not enough memory.
+    pub fn new(problem: &'a Problem) -> Option<Self> {
+        let (views, landmarks) = (problem.views(), problem.landmarks());
+        // For each view the later views that a motion ties to it.
+        let mut partners = vec![Vec::new(); views];
+        let mut known = vec![false; landmarks];
+        for tie in problem.ties() {
+            match *tie {
+                Tie::Motion { start, end, .. } => partners[start.min(end)].push(start.max(end)),
+                Tie::Landmark { landmark, .. } => known[landmark] = true,
+                Tie::Pose { .. } => {}
+            }
+        }
+        let mut columns = Vec::with_capacity(views + landmarks);
+        let (mut starts, mut rows) = (vec![0], Vec::new());
+        let mut sighting_row = Vec::with_capacity(problem.sightings().len());
+        for (view, partners) in partners.iter_mut().enumerate() {
+            partners.sort_unstable();
+            partners.dedup();
+            let seen = problem.of_view(view);
+            let height = 3 + 3 * partners.len() + 2 * seen.len();
+            columns.push(Column {
+                parameter: 3 * view,
+                width: 3,
+                start: rows.len(),
+                height,
+            });
+            for _ in 0..3 {
+                rows.extend(3 * view..3 * view + 3);
+                rows.extend(partners.iter().flat_map(|&other| 3 * other..3 * other + 3));
+                rows.extend(seen.iter().flat_map(|s| {
+                    let place = 3 * views + 2 * s.landmark;
+                    place..place + 2
+                }));
+                starts.push(rows.len());
+            }
+            sighting_row.extend((0..seen.len()).map(|k| 3 + 3 * partners.len() + 2 * k));
+        }
+        for landmark in 0..landmarks {
+            let parameter = 3 * views + 2 * landmark;
+            columns.push(Column {
+                parameter,
+                width: 2,
+                start: rows.len(),
+                height: 2,
+            });
+            for _ in 0..2 {
+                rows.extend(parameter..parameter + 2);
+                starts.push(rows.len());
+            }
+        }
+        let tie_row = problem.ties().iter().map(|tie| match *tie {
+            Tie::Motion { start, end, .. } => {
+                let place = partners[start.min(end)].binary_search(&start.max(end));
+                3 + 3 * place.unwrap_or(0)
+            }
+            _ => 0,
+        });
+        let size = 3 * views + 2 * landmarks;
+        Some(Self {
+            problem,
+            sighting_row,
+            tie_row: tie_row.collect(),
+            columns,
+            values: vec![0.0; rows.len()],
+            gradient: vec![0.0; size],
+            held: Vec::new(),
+            anchors: Vec::new(),
+            cholesky: SparseCholesky::analyse(size, starts, rows)?,
+            delta: Vec::new(),
+            known,
+        })
+    }
+
+    /// Number of parameters.
+    pub fn size(&self) -> usize {
+        self.gradient.len()
+    }
+
+    fn column(&self, subject: Subject) -> Column {
+        match subject {
+            Subject::View(view) => self.columns[view],
+            Subject::Landmark(landmark) => self.columns[self.problem.views() + landmark],
+        }
+    }
+
+    /// Forms matrix and gradient, and holds the given directions.
+    pub fn assemble(&mut self, rows: &Rows, free: &[Vec<f64>]) {
+        self.values.fill(0.0);
+        self.gradient.fill(0.0);
+        for (k, (s, row)) in self
+            .problem
+            .sightings()
+            .iter()
+            .zip(&rows.sightings)
+            .enumerate()
+        {
+            self.add_sighting(k, s.view, s.landmark, row);
+        }
+        for (k, row) in rows.ties.iter().enumerate() {
+            self.add_tie(k, row);
+        }
+        self.anchors = anchors(free, |parameter| self.diagonal(parameter));
+    }
+
+    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &Row) {
+        let pose = row.pose().map(f64::as_f64);
+        let point = row.landmark().map(f64::as_f64);
+        let residual = row.residual;
+        let column = self.columns[view];
+        for c in 0..3 {
+            let values = &mut self.values[column.start + c * column.height..][..column.height];
+            for r in c..3 {
+                values[r] += pose[c] * pose[r];
+            }
+            let down = self.sighting_row[k];
+            values[down] = pose[c] * point[0];
+            values[down + 1] = pose[c] * point[1];
+            self.gradient[column.parameter + c] += pose[c] * residual;
+        }
+        let column = self.columns[self.problem.views() + landmark];
+        for c in 0..2 {
+            for r in c..2 {
+                self.values[column.start + 2 * c + r] += point[c] * point[r];
+            }
+            self.gradient[column.parameter + c] += point[c] * residual;
+        }
+    }
+
+    fn add_tie(&mut self, k: usize, row: &TieRow) {
+        let residual = row.residual.map(f64::as_f64);
+        let ends = [Some(row.first), row.second];
+        for (subject, jacobian) in ends.iter().flatten() {
+            let column = self.column(*subject);
+            let jacobian = jacobian.map(|row| row.map(f64::as_f64));
+            for c in 0..column.width {
+                for r in c..column.width {
+                    let product: f64 = (0..3).map(|i| jacobian[i][c] * jacobian[i][r]).sum();
+                    self.values[column.start + c * column.height + r] += product;
+                }
+                let slope: f64 = (0..3).map(|i| jacobian[i][c] * residual[i]).sum();
+                self.gradient[column.parameter + c] += slope;
+            }
+        }
+        if let [Some(first), Some(second)] = ends {
+            let (early, late) = if self.column(first.0).parameter < self.column(second.0).parameter
+            {
+                (first, second)
+            } else {
+                (second, first)
+            };
+            let column = self.column(early.0);
+            for c in 0..3 {
+                for r in 0..3 {
+                    let product = (0..3).fold(0.0, |sum, i| sum + early.1[i][c] * late.1[i][r]);
+                    let place = column.start + c * column.height + self.tie_row[k] + r;
+                    self.values[place] += product;
+                }
+            }
+        }
+    }
+
+    /// Where a parameter's entry of the diagonal is.
+    fn place(&self, parameter: usize) -> usize {
+        let views = self.problem.views();
+        let (subject, c) = if parameter < 3 * views {
+            (parameter / 3, parameter % 3)
+        } else {
+            let parameter = parameter - 3 * views;
+            (views + parameter / 2, parameter % 2)
+        };
+        let column = &self.columns[subject];
+        column.start + c * column.height + c
+    }
+
+    /// What is known of a parameter when all others are.
+    pub fn diagonal(&self, parameter: usize) -> f64 {
+        self.values[self.place(parameter)]
+    }
+
+    /// Factorises with the diagonal grown by `1 + damping`, and the anchors; `false` when it is not
+    /// positive definite.
+    pub fn factorize(&mut self, damping: f64) -> bool {
+        self.held.clone_from(&self.values);
+        for parameter in 0..self.size() {
+            let place = self.place(parameter);
+            let value = self.values[place];
+            // What no residual touches stays where it is.
+            self.held[place] = if value > 0.0 {
+                value * (1.0 + damping)
+            } else {
+                1.0
+            };
+        }
+        for &parameter in &self.anchors {
+            let place = self.place(parameter);
+            self.held[place] += self.values[place].max(f64::MIN_POSITIVE);
+        }
+        self.cholesky.factorize(&self.held)
+    }
+
+    /// Solves with the last factor, in place, for sides that lie one after the other.
+    pub fn solve(&self, sides: &mut [f64]) {
+        self.cholesky.solve(sides);
+    }
+}
+
+impl System for Normal<'_> {
+    fn step(
+        &mut self,
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64> {
+        let damping = damping;
+        self.assemble(rows, &free_directions(self.problem, bundle));
+        if !self.factorize(damping) {
+            return None;
+        }
+        let mut delta = core::mem::take(&mut self.delta);
+        delta.clear();
+        delta.extend(self.gradient.iter().map(|slope| -slope));
+        self.solve(&mut delta);
+        let mut predicted = 0.0;
+        for (parameter, (&d, &slope)) in delta.iter().zip(&self.gradient).enumerate() {
+            predicted += d * (damping * self.diagonal(parameter) * d - slope);
+        }
+        for &parameter in &self.anchors {
+            predicted += delta[parameter] * delta[parameter] * self.diagonal(parameter);
+        }
+        let (poses, landmarks) = delta.split_at(3 * bundle.poses.len());
+        let poses: Vec<_> = poses
+            .chunks_exact(3)
+            .map(|step| Vector3::new(step[0], step[1], step[2]).map(f64::lit))
+            .collect();
+        let landmarks: Vec<_> = landmarks
+            .chunks_exact(2)
+            .map(|step| Vector2::new(step[0], step[1]).map(f64::lit))
+            .collect();
+        bundle.step(&poses, &landmarks, result);
+        self.delta = delta;
+        predicted.is_finite().then(|| predicted * 0.5)
+    }
+
+    fn settles(&self, landmark: usize) -> bool {
+        !self.known[landmark]
+    }
+}

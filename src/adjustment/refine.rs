@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Levenberg-Marquardt over all poses and landmarks.
+
+use super::bundle::{Bundle, Rows};
+use super::descent::{Descent, Rest, System};
+use super::linearized::{Linearized, gauge, keeps_landmarks};
+use super::newton;
+use super::normal::Normal;
+use super::prior_rows::linearize;
+use super::schur::{Grouped, Schur};
+use crate::error::Error;
+use crate::lm::{Loss, RefineOptions, Termination};
+use crate::problem::{Map, Problem, Undetermined};
+use alloc::vec::Vec;
+use nalgebra::{SVector, Vector2, Vector3};
+
+/// What a refinement did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Half the sum of the losses of residuals over sigma and of the squares of odometry and priors.
+    pub cost: f64,
+    /// How it ended.
+    pub termination: Termination,
+    /// Linear systems solved.
+    pub iterations: usize,
+    /// Views and landmarks that had no start or too few sightings, and why.
+    pub undetermined: Vec<Undetermined>,
+    /// How residuals have counted.
+    pub loss: Loss,
+}
+
+/// Called once per iteration with the number of iterations and the cost; `false` stops the work.
+pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
+
+/// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
+///
+/// Views and landmarks without a value are left out, as are those that the rest does not fix; they
+/// are listed in the report. The gauge is free and drifts a little with damped steps; fix it
+/// afterwards with [`Map::normalized`].
+///
+/// # Errors
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
+/// three sightings are left, [`Error::NotFinite`] when the start is not finite,
+/// [`Error::Degenerate`] when it is a single place, [`Error::OutOfMemory`] when it does not hold the
+/// normal equations, [`Error::Interrupted`] when `watch` says so.
+///
+/// # Reference
+/// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
+/// non-linear least squares problems", 2004, section 3.2.
+pub fn refine_map(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RefineOptions,
+    watch: Option<Watch<'_>>,
+) -> Result<Report, Error> {
+    map.check_size(problem)?;
+    let undetermined = map.prune(problem);
+    let mut bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return Err(Error::TooFew {
+            what: "views of the start that see three landmarks of it",
+            needed: 1,
+            got: 0,
+        });
+    }
+    let restricted;
+    let active = if undetermined.is_empty() {
+        problem
+    } else {
+        restricted = map.restrict(problem);
+        &restricted
+    };
+    let unit = bundle.unit()?;
+    bundle.scale(1.0 / unit);
+    bundle.bring_in();
+    // Odometry and priors have units, too.
+    let scaled;
+    let active = if active.ties().is_empty() {
+        active
+    } else {
+        scaled = active.scaled(1.0 / unit);
+        &scaled
+    };
+    let mut descent = Descent::new(active, options, watch, bundle)?;
+    let termination = if is_sparse(active) {
+        minimize_sparse(&mut descent)?
+    } else if keeps_landmarks(active) {
+        minimize::<3, 2>(&mut descent)?
+    } else {
+        minimize::<2, 3>(&mut descent)?
+    };
+    let Descent {
+        mut bundle,
+        cost,
+        iterations,
+        ..
+    } = descent;
+    bundle.scale(unit);
+    bundle.write_to(map);
+    Ok(Report {
+        cost,
+        termination,
+        iterations,
+        undetermined,
+        loss: options.loss,
+    })
+}
+
+/// The cost of a map: half the sum of the losses of residuals over sigma between what it determines, and
+/// of the squares of odometry and priors.
+pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
+    let active = map.restrict(problem);
+    Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
+}
+
+/// The part of it that odometry and priors have.
+pub fn cost_of_ties(problem: &Problem, map: &Map) -> f64 {
+    if problem.ties().is_empty() {
+        return 0.0;
+    }
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    let ties = active.ties().iter();
+    ties.fold(0.0, |sum, tie| {
+        sum + linearize(tie, &bundle.poses, &bundle.landmarks).square()
+    }) * 0.5
+}
+
+/// Whether the sparse equations of everything serve better than the dense ones of what is left when one
+/// kind of block is eliminated.
+///
+/// Ties couple poses, which the elimination of poses does not bear. Otherwise a measured trade: the dense
+/// system is faster as long as it is small.
+pub fn is_sparse(problem: &Problem) -> bool {
+    let kept = (2 * problem.landmarks()).min(3 * problem.views());
+    !problem.ties().is_empty() || kept > MAX_DENSE
+}
+
+/// Largest dense system, in unknowns.
+const MAX_DENSE: usize = 600;
+
+/// Levenberg-Marquardt on the sparse normal equations.
+fn minimize_sparse(descent: &mut Descent<'_, '_>) -> Result<Termination, Error> {
+    let mut normal = Normal::new(descent.problem).ok_or(Error::OutOfMemory)?;
+    let limit = descent.options.max_iterations;
+    match descent.run(&mut normal, limit)? {
+        Rest::Ended(termination) => Ok(termination),
+        Rest::Paused => Ok(Termination::NoProgress),
+    }
+}
+
+/// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept; small problems
+/// that do not converge soon go on with Newton's method.
+fn minimize<const E: usize, const K: usize>(
+    descent: &mut Descent<'_, '_>,
+) -> Result<Termination, Error>
+where
+    for<'x> Linearized<'x>: Grouped<E, K>,
+    (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
+{
+    let problem = descent.problem;
+    let mut reduced = Reduced {
+        problem,
+        schur: Schur::new(),
+        step: (Vec::new(), Vec::new()),
+    };
+    let limit = descent.options.max_iterations;
+    let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
+    let squared = descent.options.loss == Loss::Squared;
+    let newton = small && squared && descent.options.damping > 0.0;
+    let first = if newton { limit.min(SOON) } else { limit };
+    match descent.run(&mut reduced, first)? {
+        Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
+        Rest::Ended(Termination::Converged) if newton && newton::near_edge(descent) => {
+            newton::finish(descent)
+        }
+        Rest::Ended(termination) => Ok(termination),
+        Rest::Paused => Ok(Termination::NoProgress),
+    }
+}
+
+/// Iterations after which Gauss-Newton counts as slow.
+const SOON: usize = 8;
+
+/// The normal equations of Gauss-Newton, reduced.
+struct Reduced<'a, const E: usize, const K: usize> {
+    problem: &'a Problem,
+    schur: Schur<E, K>,
+    /// Blocks that stay and blocks that went.
+    step: (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>),
+}
+
+impl<const E: usize, const K: usize> System for Reduced<'_, E, K>
+where
+    for<'x> Linearized<'x>: Grouped<E, K>,
+    (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
+{
+    fn step(
+        &mut self,
+        bundle: &Bundle,
+        rows: &Rows,
+        damping: f64,
+        result: &mut Bundle,
+    ) -> Option<f64> {
+        let linearized = Linearized {
+            problem: self.problem,
+            rows: &rows.sightings,
+        };
+        if !self
+            .schur
+            .factorize(&linearized, damping, &gauge::<K>(bundle))
+        {
+            return None;
+        }
+        let cost = rows
+            .sightings
+            .iter()
+            .fold(0.0, |sum, row| sum + row.residual * row.residual)
+            * 0.5;
+        let (kept, gone) = &mut self.step;
+        let left = self.schur.solve(&linearized, kept, gone);
+        self.step.apply(bundle, result);
+        Some(cost - left)
+    }
+}
+
+/// A step, as blocks that stay and blocks that went.
+trait Step {
+    /// The bundle after the step.
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle);
+}
+
+impl Step for (Vec<Vector2<f64>>, Vec<Vector3<f64>>) {
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle) {
+        bundle.step(&self.1, &self.0, result);
+    }
+}
+
+impl Step for (Vec<Vector3<f64>>, Vec<Vector2<f64>>) {
+    fn apply(&self, bundle: &Bundle, result: &mut Bundle) {
+        bundle.step(&self.0, &self.1, result);
+    }
+}

@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Which map to look at.
+
+pub mod choose;
+pub mod explaining_map;
+pub mod four_landmarks;
+pub mod from_bearings;
+pub mod wall_family;

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A map that explains the bearings, one of many where they leave freedom: evidence for a diagnosis.
+
+use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::kernels::{Method, three_view};
+use crate::lm::RefineOptions;
+use crate::problem::{Map, Problem, Undetermined};
+use crate::reconstruction::grow::grow;
+use crate::reconstruction::judge::same;
+use crate::reconstruction::search::plain::lowest;
+use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
+use crate::reconstruction::search::triples::{common_bearings, draw};
+use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
+use alloc::vec::Vec;
+
+/// A map and how it explains the bearings.
+pub struct Witness {
+    pub map: Map,
+    /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
+    pub variance: f64,
+    pub undetermined: Vec<Undetermined>,
+    /// Other maps that explain the bearings about as well.
+    pub others: Vec<Map>,
+    /// The least variance of the rivals that the search has found.
+    pub rival: f64,
+}
+
+/// Fewest landmarks that three views must share: with them the null space of the tensor is a circle.
+const MIN_SHARED: usize = 4;
+
+/// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
+/// maps that are refined: of a degenerate problem any place will do.
+const TRIPLES: usize = 3;
+const PLACES: usize = 24;
+const REFINED: usize = 12;
+
+/// The map of [`solve`](super::solve), whether it is determined or not; where there is none, a map from
+/// the null space of the tensor of three views.
+///
+/// `None` when no three views share four landmarks.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so, [`Error::TooLarge`] as the refinement.
+pub fn witness(
+    problem: &Problem,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Witness>, Error> {
+    let found = match lowest(problem, &SolveOptions::default(), progress) {
+        Ok(found) => found,
+        Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
+        Err(_) => {
+            let mut found = explaining(problem).into_iter();
+            return Ok(found.next().map(|first| Witness {
+                variance: variance(first.cost, first.freedom),
+                undetermined: first.undetermined,
+                map: first.map,
+                others: found.map(|other| other.map).collect(),
+                rival: f64::INFINITY,
+            }));
+        }
+    };
+    let rivals = found.alternatives.iter();
+    let rival = rivals
+        .map(|rival| variance(rival.cost, rival.freedom))
+        .fold(f64::INFINITY, f64::min);
+    let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
+    // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
+    if problem.landmarks() == MIN_SHARED {
+        others.extend(explaining(problem).into_iter().map(|other| other.map));
+    }
+    Ok(Some(Witness {
+        variance: variance(found.cost, found.freedom),
+        undetermined: found.undetermined,
+        map: found.map,
+        others,
+        rival,
+    }))
+}
+
+/// Refined maps along the circles of tensors of some views, those that reach most and explain the
+/// bearings about as well as the best of them; the most compact first, for at the edge of a family
+/// landmarks run away.
+pub fn explaining(problem: &Problem) -> Vec<Reconstruction> {
+    let circle = if problem.landmarks() == MIN_SHARED {
+        Circle::WHOLE
+    } else {
+        Circle {
+            places: PLACES,
+            ..Circle::WHOLE
+        }
+    };
+    let mut scored = Vec::new();
+    for views in draw(problem, MIN_SHARED, TRIPLES, 0) {
+        scored.extend(along_circle(problem, views, circle));
+    }
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let options = RefineOptions::default();
+    let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
+    let mut found: Vec<_> = maps
+        .filter_map(|map| refine(problem, &map, &options, None).ok())
+        .collect();
+    let fewest = found.iter().map(|r| r.undetermined.len()).min();
+    found.retain(|r| Some(r.undetermined.len()) == fewest);
+    let rms = found.iter().map(|r| r.rms);
+    let bound = AS_GOOD * rms.fold(f64::INFINITY, f64::min) + f64::EPSILON.sqrt();
+    found.retain(|r| r.rms <= bound);
+    found.sort_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)));
+    found
+}
+
+/// Residuals so many times as large are about as good.
+const AS_GOOD: f64 = 3.0;
+
+/// Distance of the farthest point of a normalised map from the origin: the views are about 1 away.
+fn sprawl(map: &Map) -> f64 {
+    let views = map.poses.iter().flatten().map(|p| p.translation.vector);
+    let landmarks = map.landmarks.iter().flatten().map(|p| p.coords);
+    let distances = views.chain(landmarks).map(|p| p.norm());
+    distances.fold(0.0, f64::max)
+}
+
+/// Costs per degree of freedom of the other branch of three views, refined: those of both branches that
+/// are not the given map.
+pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
+    if problem.views() != 3 {
+        return Vec::new();
+    }
+    let (triples, _) = common_bearings(problem, [0, 1, 2]);
+    let Ok(found) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
+        return Vec::new();
+    };
+    let known = map.normalized();
+    let options = RefineOptions::default();
+    let mut costs = Vec::new();
+    for motion in &found.motions {
+        let mut start = Map::empty(3, problem.landmarks());
+        for (view, pose) in motion.poses.into_iter().enumerate() {
+            start.poses[view] = Some(pose);
+        }
+        grow(problem, &mut start);
+        if let Ok(found) = refine(problem, &start, &options, None)
+            && !same(&found.map, &known)
+        {
+            costs.push(variance(found.cost, found.freedom));
+        }
+    }
+    costs
+}
+
+fn variance(cost: f64, freedom: usize) -> f64 {
+    2.0 * cost / freedom.max(1) as f64
+}
+
+/// Three views to tie a map to: of some that share five landmarks, or four, the best connected.
+pub fn seed(problem: &Problem) -> Option<[usize; 3]> {
+    [5, 4].into_iter().find_map(|needed| {
+        let drawn = draw(problem, needed, 24, 0);
+        drawn
+            .into_iter()
+            .max_by_key(|&views| common_bearings(problem, views).1.len())
+    })
+}

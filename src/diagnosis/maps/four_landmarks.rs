@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Two maps that were one before the noise: where solutions merge, noise tears them apart.
+//!
+//! Any map of four landmarks has a twin that explains the bearings as well, and the two are one where the
+//! landmarks are on a circle. Bearings with noise of such a scene have two solutions some way off it, on
+//! either side; the map between them is on it up to the square of that way.
+
+use super::super::finding::Kind;
+use super::super::parts::subproblem::Own;
+use crate::geometry::{Pose, align};
+use crate::problem::Map;
+use alloc::vec::Vec;
+use nalgebra::{Point2, center};
+
+impl Own {
+    /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
+    /// circle, be it one of the others or halfway to one of them.
+    pub fn folded(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
+        if self.problem.landmarks() != 4 {
+            return None;
+        }
+        let between = others.iter().filter_map(|other| halfway(map, other));
+        let between = between.filter(|halfway| self.explains(halfway, map, noise));
+        let mut maps = others.iter().cloned().chain(between);
+        maps.find(|map| self.shows(map, Kind::FourLandmarksOnACircle, noise))
+    }
+}
+
+/// The map between two, the second laid over the first.
+fn halfway(one: &Map, other: &Map) -> Option<Map> {
+    let place = |pose: &Pose<f64>| Point2::from(pose.translation.vector);
+    let points = |map: &Map| {
+        let views = map.poses.iter().map(move |pose| pose.as_ref().map(place));
+        views
+            .chain(map.landmarks.iter().copied())
+            .collect::<Vec<_>>()
+    };
+    let pairs = points(one).into_iter().zip(points(other));
+    let (target, source): (Vec<_>, Vec<_>) = pairs.filter_map(|(a, b)| Some((a?, b?))).unzip();
+    let laid = other.transformed(&align(&source, &target).ok()?);
+    let poses = one.poses.iter().zip(&laid.poses).map(|(a, b)| {
+        let (a, b) = ((*a)?, (*b)?);
+        let rotation = a.rotation * (a.rotation.inverse() * b.rotation).powf(0.5);
+        let middle = center(&place(&a), &place(&b));
+        Some(Pose::from_parts(middle.coords.into(), rotation))
+    });
+    let landmarks = one.landmarks.iter().zip(&laid.landmarks);
+    Some(Map {
+        poses: poses.collect(),
+        landmarks: landmarks
+            .map(|(a, b)| Some(center(&(*a)?, &(*b)?)))
+            .collect(),
+    })
+}

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What the sightings alone tell, before any map: counting, parts, who sees too little.
+
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// A part of a problem that its sightings connect.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its views.
+    pub views: Vec<usize>,
+    /// Its landmarks.
+    pub landmarks: Vec<usize>,
+    /// Sightings between them.
+    pub sightings: usize,
+    /// How many directions of the whole odometry and priors leave free, 4 without them; and how many
+    /// numbers they give.
+    pub ties: (usize, usize),
+}
+
+impl Part {
+    /// Sightings less unknowns, but for the four of the gauge, (T20). Negative: minus so many directions
+    /// are free, whatever the geometry.
+    pub fn freedom(&self) -> i64 {
+        let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
+        let (free, numbers) = self.ties;
+        count(self.sightings + numbers + free)
+            - 3 * count(self.views.len())
+            - 2 * count(self.landmarks.len())
+    }
+}
+
+/// Who takes part: those with enough sightings of each other.
+pub struct Core {
+    /// For each view, whether it sees three landmarks of the core.
+    pub views: Vec<bool>,
+    /// For each landmark, whether two views of the core see it.
+    pub landmarks: Vec<bool>,
+}
+
+impl Core {
+    /// Drops who sees or is seen too little, until nobody is left who does.
+    pub fn of(problem: &Problem) -> Self {
+        let mut core = Self {
+            views: vec![true; problem.views()],
+            landmarks: vec![true; problem.landmarks()],
+        };
+        loop {
+            let mut dropped = false;
+            for view in 0..problem.views() {
+                let seen = problem.of_view(view).iter();
+                let count = seen.filter(|s| core.landmarks[s.landmark]).count();
+                let drop = core.views[view] && count < MIN_LANDMARKS_OF_VIEW;
+                core.views[view] &= !drop;
+                dropped |= drop;
+            }
+            for landmark in 0..problem.landmarks() {
+                let seen = problem.of_landmark(landmark).iter();
+                let count = seen
+                    .filter(|&&k| core.views[problem.sightings()[k].view])
+                    .count();
+                let drop = core.landmarks[landmark] && count < MIN_VIEWS_OF_LANDMARK;
+                core.landmarks[landmark] &= !drop;
+                dropped |= drop;
+            }
+            if !dropped {
+                return core;
+            }
+        }
+    }
+
+    /// The connected parts, the one with most sightings first.
+    pub fn parts(&self, problem: &Problem) -> Vec<Part> {
+        let mut part_of_view: Vec<Option<usize>> = vec![None; problem.views()];
+        let mut part_of_landmark: Vec<Option<usize>> = vec![None; problem.landmarks()];
+        let mut count = 0;
+        for start in 0..problem.views() {
+            if !self.views[start] || part_of_view[start].is_some() {
+                continue;
+            }
+            part_of_view[start] = Some(count);
+            let mut open = vec![start];
+            while let Some(view) = open.pop() {
+                for s in problem.of_view(view) {
+                    if !self.landmarks[s.landmark] || part_of_landmark[s.landmark].is_some() {
+                        continue;
+                    }
+                    part_of_landmark[s.landmark] = Some(count);
+                    for &k in problem.of_landmark(s.landmark) {
+                        let other = problem.sightings()[k].view;
+                        if self.views[other] && part_of_view[other].is_none() {
+                            part_of_view[other] = Some(count);
+                            open.push(other);
+                        }
+                    }
+                }
+            }
+            count += 1;
+        }
+        let empty = Part {
+            views: Vec::new(),
+            landmarks: Vec::new(),
+            sightings: 0,
+            ties: (4, 0),
+        };
+        let mut parts = vec![empty; count];
+        for (view, part) in part_of_view.iter().enumerate() {
+            if let Some(part) = *part {
+                parts[part].views.push(view);
+                let seen = problem.of_view(view).iter();
+                parts[part].sightings += seen.filter(|s| self.landmarks[s.landmark]).count();
+            }
+        }
+        for (landmark, part) in part_of_landmark.iter().enumerate() {
+            if let Some(part) = *part {
+                parts[part].landmarks.push(landmark);
+            }
+        }
+        parts.sort_by_key(|part| core::cmp::Reverse(part.sightings));
+        parts
+    }
+}
+
+/// What linear steps can tie together, from the three views that share most landmarks: landmarks that
+/// two tied views see, and views that see three tied landmarks.
+pub fn tied(problem: &Problem, seed: [usize; 3]) -> Core {
+    let mut tied = Core {
+        views: vec![false; problem.views()],
+        landmarks: vec![false; problem.landmarks()],
+    };
+    for view in seed {
+        tied.views[view] = true;
+    }
+    loop {
+        let mut grown = false;
+        for landmark in 0..problem.landmarks() {
+            let seen = problem.of_landmark(landmark).iter();
+            let count = seen
+                .filter(|&&k| tied.views[problem.sightings()[k].view])
+                .count();
+            tied.landmarks[landmark] |= count >= MIN_VIEWS_OF_LANDMARK;
+        }
+        for view in 0..problem.views() {
+            let seen = problem.of_view(view).iter();
+            let count = seen.filter(|s| tied.landmarks[s.landmark]).count();
+            if !tied.views[view] && count >= MIN_LANDMARKS_OF_VIEW {
+                tied.views[view] = true;
+                grown = true;
+            }
+        }
+        if !grown {
+            return tied;
+        }
+    }
+}

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Shapes of a map that leave directions free, and whether a map has them.
+
+use super::super::finding::Kind;
+use super::normalized_map::Figure;
+use super::shape::{Shape, extent};
+use super::spectrum::Spectrum;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector, Vector2};
+
+/// A named configuration: points that share shapes.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    pub kind: Kind,
+    /// Each shape with its points.
+    pub shapes: Vec<(Shape, Vec<usize>)>,
+}
+
+/// Points are off a shape, all together, by at most this many predicted standard deviations more than
+/// the root of their number.
+const SURE: f64 = 4.0;
+
+/// Points are off a shape by at most this part of their units, whatever the noise: beyond that it is not
+/// the shape that makes them weak.
+const NEARLY: f64 = 0.1;
+
+/// Exact maps are on a shape up to so many roots of the rounding: where two solutions merge, positions
+/// come with half the digits.
+const ROOTS: f64 = 64.0;
+
+/// Step of the difference quotient of the distances, in sizes of the map.
+const STEP: f64 = 1e-6;
+
+/// How far points are moved to see what a shape brings by itself, in sizes of the map: far enough that
+/// other shapes are gone, and little enough that the map is still of the same kind.
+const JITTER: f64 = 0.03;
+
+impl Configuration {
+    /// The configurations that concern a whole map, those that ask most of it first.
+    pub fn of_all(figure: &Figure) -> Vec<Self> {
+        let (m, n) = (figure.views.len(), figure.landmarks.len());
+        let views: Vec<usize> = (0..m).collect();
+        let landmarks: Vec<usize> = (m..m + n).collect();
+        let all: Vec<usize> = (0..m + n).collect();
+        let one = |kind, shape, points: &[usize]| Self {
+            kind,
+            shapes: vec![(shape, points.to_vec())],
+        };
+        let circle = if m == 3 {
+            Kind::ThreeViewsAndLandmarksOnOneCircle
+        } else {
+            Kind::ViewsAndLandmarksOnOneCircle
+        };
+        let mut found = vec![
+            one(Kind::EverythingOnOneLine, Shape::Line, &all),
+            one(circle, Shape::Circle, &all),
+        ];
+        let close = close_views(figure).into_iter();
+        found.extend(close.map(|shapes| Self {
+            kind: Kind::CoincidentViews,
+            shapes,
+        }));
+        // Three views of a wall often are on a line in some member of the family, and mean nothing by it.
+        if m > 3 {
+            found.push(Self {
+                kind: Kind::LinesOfViewsAndOfLandmarks,
+                shapes: vec![
+                    (Shape::Line, views.clone()),
+                    (Shape::Line, landmarks.clone()),
+                ],
+            });
+        }
+        found.push(one(Kind::CollinearLandmarks, Shape::Line, &landmarks));
+        if n == 4 {
+            found.push(one(Kind::FourLandmarksOnACircle, Shape::Circle, &landmarks));
+        }
+        if m == 3 {
+            found.push(one(Kind::ThreeCollinearViews, Shape::Line, &views));
+        }
+        found
+    }
+
+    /// The configurations that leave a single point free.
+    pub fn of_point(figure: &Figure, point: usize) -> Self {
+        let mut points = figure.neighbours(point);
+        points.push(point);
+        let (kind, shape) = if point < figure.views.len() {
+            (Kind::ViewOnCircleOfLandmarks, Shape::Circle)
+        } else {
+            (Kind::LandmarkOnLineOfViews, Shape::Line)
+        };
+        Self {
+            kind,
+            shapes: vec![(shape, points)],
+        }
+    }
+
+    /// All points that share one of the shapes.
+    pub fn points(&self) -> impl Iterator<Item = usize> + '_ {
+        self.shapes
+            .iter()
+            .flat_map(|(_, points)| points.iter().copied())
+    }
+
+    /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
+    /// have made of it, but for the directions that are free anyway.
+    pub fn fits(&self, figure: &Figure, spectrum: &Spectrum, noise: f64) -> bool {
+        let exact = ROOTS * figure.rounding.sqrt();
+        let Some(off) = self.distances(&figure.points) else {
+            return false;
+        };
+        let unit = self.measures(figure);
+        if off
+            .iter()
+            .zip(&unit)
+            .any(|(d, unit)| !(d.abs() <= NEARLY * unit))
+        {
+            return false;
+        }
+        if off
+            .iter()
+            .zip(&unit)
+            .all(|(d, unit)| d.abs() <= exact * unit)
+        {
+            return true;
+        }
+        let count = off.len();
+        let mut covariance = DMatrix::from_diagonal(&DVector::from_iterator(
+            count,
+            unit.iter().map(|unit| (exact * unit) * (exact * unit)),
+        ));
+        for k in spectrum.free()..spectrum.values.len() {
+            let moves = spectrum.moves(figure, k);
+            let moved = |step: f64| -> Option<DVector<f64>> {
+                let points = figure.points.iter().zip(&moves).map(|(p, d)| p + d * step);
+                self.distances(&points.collect::<Vec<_>>())
+                    .map(DVector::from_vec)
+            };
+            let (Some(up), Some(down)) = (moved(STEP), moved(-STEP)) else {
+                return false;
+            };
+            let deviation = spectrum.deviation(k, noise).min(1.0);
+            let slope = (up - down) * (deviation / (2.0 * STEP));
+            covariance.ger(1.0, &slope, &slope, 1.0);
+        }
+        let off = DVector::from_vec(off);
+        let Some(factor) = covariance.cholesky() else {
+            return false;
+        };
+        let distance = (off.dot(&factor.solve(&off))).sqrt();
+        let taken: usize = self
+            .shapes
+            .iter()
+            .map(|(shape, _)| shape.parameters())
+            .sum();
+        let expected = (count.saturating_sub(taken) as f64).sqrt();
+        // Where two solutions merge the offset grows with the root of the noise, which doubles it in this
+        // measure.
+        let folded = matches!(
+            self.kind,
+            Kind::ThreeCollinearViews | Kind::FourLandmarksOnACircle
+        );
+        distance <= expected + if folded { 2.0 * SURE } else { SURE }
+    }
+
+    /// What each distance is measured by: the unit of its point, or the extent of the shape where that is
+    /// less, for points in one place are on any line.
+    fn measures(&self, figure: &Figure) -> Vec<f64> {
+        let units = figure.units();
+        let mut all = Vec::new();
+        for (shape, members) in &self.shapes {
+            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
+            let (each, most) = match shape {
+                Shape::Place => (2, f64::INFINITY),
+                Shape::Line | Shape::Circle => (1, extent(&own)),
+            };
+            let measure = |&p: &usize| core::iter::repeat_n(f64::min(units[p], most), each);
+            all.extend(members.iter().flat_map(measure));
+        }
+        all
+    }
+
+    /// Distances of the points from their shapes.
+    fn distances(&self, points: &[Vector2<f64>]) -> Option<Vec<f64>> {
+        let mut all = Vec::new();
+        for (shape, members) in &self.shapes {
+            let own: Vec<_> = members.iter().map(|&p| points[p]).collect();
+            all.extend(shape.distances(&own)?);
+        }
+        Some(all)
+    }
+
+    /// The figure with its points moved onto the shapes.
+    pub fn snapped(&self, figure: &Figure) -> Option<Figure> {
+        let mut figure = figure.clone();
+        for (shape, members) in &self.shapes {
+            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
+            for (&member, place) in members.iter().zip(shape.snap(&own)?) {
+                figure.points[member] = place;
+            }
+        }
+        figure.rounding = f64::EPSILON;
+        Some(figure)
+    }
+
+    /// How many directions the configuration leaves free by itself: those of a map of this shape which is
+    /// generic otherwise, less those of a generic map.
+    pub fn brings(&self, generic: &Figure, structural: usize) -> usize {
+        self.snapped(generic)
+            .and_then(|figure| Spectrum::of(&figure))
+            .map_or(0, |spectrum| spectrum.free().saturating_sub(structural))
+    }
+}
+
+/// The figure with all points moved a little, so that no shape is left in it.
+pub fn generic(figure: &Figure) -> Figure {
+    let mut figure = figure.clone();
+    let units = figure.units();
+    for (k, point) in figure.points.iter_mut().enumerate() {
+        *point += scattered(k) * (JITTER * units[k]);
+    }
+    figure.rounding = f64::EPSILON;
+    figure
+}
+
+/// Vectors in the square from -1 to 1 without pattern: a sequence of low discrepancy.
+fn scattered(k: usize) -> Vector2<f64> {
+    // Powers of the inverse plastic number, the golden ratio of two dimensions.
+    let at = |step: f64| {
+        let turned = (k as f64 + 1.0) * step;
+        2.0 * (turned - turned.floor()) - 1.0
+    };
+    Vector2::new(at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_3))
+}
+
+/// Sets of views that may be in one place: the two sets that leave at most two places altogether, and for
+/// three views each pair.
+fn close_views(figure: &Figure) -> Vec<Vec<(Shape, Vec<usize>)>> {
+    let views = figure.views.len();
+    let near = |i: usize, j: usize| (figure.points[i] - figure.points[j]).norm() < NEARLY;
+    let mut sets: Vec<Vec<usize>> = Vec::new();
+    for view in 0..views {
+        match sets.iter_mut().find(|set| near(set[0], view)) {
+            Some(set) => set.push(view),
+            None => sets.push(vec![view]),
+        }
+    }
+    let mut found = Vec::new();
+    if sets.len() <= 2 {
+        let large = sets.into_iter().filter(|set| set.len() > 1);
+        found.push(large.map(|set| (Shape::Place, set)).collect());
+    }
+    if views == 3 {
+        let pairs = [[0, 1], [1, 2], [0, 2]].into_iter();
+        let close = pairs.filter(|&[i, j]| near(i, j));
+        found.extend(close.map(|pair| vec![(Shape::Place, pair.to_vec())]));
+    }
+    found
+}

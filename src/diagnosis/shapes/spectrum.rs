@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How far the bearings hold each direction of a map: the singular values of the Jacobian.
+
+use super::normalized_map::{Figure, median};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector, Vector2};
+
+/// The directions of a map beyond the gauge, those that the bearings hold least first.
+///
+/// Parameters are `(x, y, theta)` of each view and `(x, y)` of each landmark; headings in radians,
+/// positions in the units of [`Figure::units`], so that a singular value is the bearing error
+/// \[rad\] that a move by one such unit makes in all sightings together.
+pub struct Spectrum {
+    /// Singular values, ascending.
+    pub values: Vec<f64>,
+    /// The directions, one column each, orthonormal.
+    pub directions: DMatrix<f64>,
+    /// What a singular value is measured by before it is called zero: the median column of the Jacobian.
+    pub scale: f64,
+    rounding: f64,
+}
+
+/// Most parameters for which the spectrum is computed, and most sightings times their square: a second or
+/// two. Time and memory grow with that product.
+const MAX_PARAMETERS: usize = 600;
+const MAX_WORK: usize = 2_000_000_000;
+
+/// A sighting over less than this part of the map's size ties two places together and tells little
+/// else; its huge weight would only drown the rest, so it is cut to what it has there.
+const TOUCHING: f64 = 1e-3;
+
+/// Steps of the singular value decomposition per parameter; two are usual.
+const STEPS: usize = 60;
+
+impl Spectrum {
+    /// The spectrum of a figure; `None` when it is too large, or if the decomposition fails.
+    pub fn of(figure: &Figure) -> Option<Self> {
+        let units = parameter_units(figure);
+        let count = units.len();
+        if count > MAX_PARAMETERS || figure.sightings.len() * count * count > MAX_WORK {
+            return None;
+        }
+        let mut jacobian = rows(figure);
+        for (mut column, unit) in jacobian.column_iter_mut().zip(&units) {
+            column *= *unit;
+        }
+        let scale = median(jacobian.column_iter().map(|column| column.norm()));
+        if !(scale > 0.0 && scale.is_finite()) {
+            return None;
+        }
+        let reflectors = free_gauge(figure, &jacobian, &units, scale);
+        for reflector in &reflectors {
+            reflect_columns(&mut jacobian, reflector);
+        }
+        let gauge = reflectors.len();
+        let count = count.checked_sub(gauge).filter(|&count| count > 0)?;
+        let held = jacobian.columns(gauge, count).into_owned();
+        // A triangle first: its decomposition does not depend on how many sightings there are.
+        let square = if held.nrows() > count {
+            held.qr().r()
+        } else {
+            held.resize_vertically(count, 0.0)
+        };
+        let found = square.try_svd(false, true, f64::EPSILON, STEPS * count)?;
+        let rows = found.v_t?;
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|&a, &b| found.singular_values[a].total_cmp(&found.singular_values[b]));
+        let mut directions = DMatrix::zeros(units.len(), count);
+        for (to, &from) in order.iter().enumerate() {
+            let mut column = DVector::zeros(units.len());
+            column.rows_mut(gauge, count).tr_copy_from(&rows.row(from));
+            for reflector in reflectors.iter().rev() {
+                reflect(&mut column, reflector);
+            }
+            directions.set_column(to, &column);
+        }
+        Some(Self {
+            values: order.iter().map(|&k| found.singular_values[k]).collect(),
+            directions,
+            scale,
+            rounding: figure.rounding,
+        })
+    }
+
+    /// How many directions the bearings leave free, up to rounding.
+    ///
+    /// Where two solutions merge, positions come out of exact bearings with the root of the rounding; so a
+    /// singular value below a few roots is zero.
+    pub fn free(&self) -> usize {
+        let bound = 8.0 * self.rounding.sqrt() * self.scale;
+        self.values
+            .iter()
+            .take_while(|&&value| !(value > bound))
+            .count()
+    }
+
+    /// Standard deviation of a direction in its units, for bearings with this one \[rad\].
+    pub fn deviation(&self, direction: usize, noise: f64) -> f64 {
+        noise / self.values[direction].max(self.rounding * self.scale)
+    }
+
+    /// The moves of the points in a direction, in sizes of the map, for a step of 1.
+    pub fn moves(&self, figure: &Figure, direction: usize) -> Vec<Vector2<f64>> {
+        let column = self.directions.column(direction);
+        let units = figure.units();
+        let views = figure.views.len();
+        (0..figure.points.len())
+            .map(|point| {
+                let k = place(views, point);
+                Vector2::new(column[k], column[k + 1]) * units[point]
+            })
+            .collect()
+    }
+}
+
+/// Where the position of a point is among the parameters.
+pub fn place(views: usize, point: usize) -> usize {
+    if point < views {
+        3 * point
+    } else {
+        views + 2 * point
+    }
+}
+
+/// The Jacobian, one row per sighting, (T12). Further measurements add their rows here.
+fn rows(figure: &Figure) -> DMatrix<f64> {
+    let views = figure.views.len();
+    let mut matrix = DMatrix::zeros(
+        figure.sightings.len(),
+        3 * views + 2 * figure.landmarks.len(),
+    );
+    for (row, &(view, landmark, weight)) in figure.sightings.iter().enumerate() {
+        let landmark = figure.point_of_landmark(landmark);
+        let offset = figure.points[landmark] - figure.points[view];
+        let distance = offset.norm();
+        if !(distance > 0.0) {
+            continue;
+        }
+        let weight = weight * f64::min(1.0, distance / TOUCHING);
+        let across = Vector2::new(-offset.y, offset.x) / (distance * distance);
+        let (p, x) = (place(views, view), place(views, landmark));
+        for axis in 0..2 {
+            matrix[(row, p + axis)] = -across[axis] * weight;
+            matrix[(row, x + axis)] = across[axis] * weight;
+        }
+        matrix[(row, p + 2)] = -weight;
+    }
+    matrix
+}
+
+/// What each parameter is measured by.
+fn parameter_units(figure: &Figure) -> Vec<f64> {
+    let (views, landmarks) = (figure.views.len(), figure.landmarks.len());
+    let mut units = alloc::vec![1.0; 3 * views + 2 * landmarks];
+    for (point, unit) in figure.units().into_iter().enumerate() {
+        let k = place(views, point);
+        units[k] = unit;
+        units[k + 1] = unit;
+    }
+    units
+}
+
+/// Householder vectors that turn the directions of the gauge that nothing holds into the first axes.
+///
+/// Translation, rotation and scaling; with bearings alone all four are free. Measurements that hold
+/// some of them, such as known poses, take them out of the gauge by themselves.
+fn free_gauge(
+    figure: &Figure,
+    jacobian: &DMatrix<f64>,
+    units: &[f64],
+    scale: f64,
+) -> Vec<DVector<f64>> {
+    let views = figure.views.len();
+    let mut gauge = DMatrix::zeros(units.len(), 4);
+    for (point, p) in figure.points.iter().enumerate() {
+        let k = place(views, point);
+        for (direction, moved) in [Vector2::x(), Vector2::y(), Vector2::new(-p.y, p.x), *p]
+            .into_iter()
+            .enumerate()
+        {
+            gauge[(k, direction)] = moved.x / units[k];
+            gauge[(k + 1, direction)] = moved.y / units[k];
+        }
+        if point < views {
+            gauge[(k + 2, 2)] = 1.0;
+        }
+    }
+    let gauge = gauge.qr().q();
+    let Some(held) = (jacobian * &gauge).try_svd(false, true, f64::EPSILON, 1000) else {
+        return Vec::new();
+    };
+    let Some(turns) = held.v_t else {
+        return Vec::new();
+    };
+    let bound = 8.0 * figure.rounding.sqrt() * scale;
+    let mut reflectors: Vec<DVector<f64>> = Vec::new();
+    for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
+        if *value > bound {
+            continue;
+        }
+        let mut axis = &gauge * turn.transpose();
+        for reflector in &reflectors {
+            reflect(&mut axis, reflector);
+        }
+        let done = reflectors.len();
+        axis.rows_mut(0, done).fill(0.0);
+        let norm = axis.norm();
+        if !(norm > 0.5) {
+            continue;
+        }
+        axis[done] += if axis[done] >= 0.0 { norm } else { -norm };
+        axis.unscale_mut(axis.norm());
+        reflectors.push(axis);
+    }
+    reflectors
+}
+
+/// Reflects a vector at the plane across a unit vector.
+fn reflect(vector: &mut DVector<f64>, across: &DVector<f64>) {
+    let twice = 2.0 * across.dot(vector);
+    vector.axpy(-twice, across, 1.0);
+}
+
+/// The same for each row of a matrix.
+fn reflect_columns(matrix: &mut DMatrix<f64>, across: &DVector<f64>) {
+    let twice = &*matrix * across * 2.0;
+    matrix.ger(-1.0, &twice, across, 1.0);
+}

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What is given and what is found: sightings, odometry and priors; poses and landmarks.
+
+mod map;
+mod priors;
+#[expect(clippy::module_inception, reason = "the type that the module is about")]
+mod problem;
+mod subject;
+
+pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
+pub use map::Map;
+pub(crate) use priors::Tie;
+pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
+pub use problem::{Problem, Seen, Sighting};
+pub use subject::{Subject, Undetermined, Why};

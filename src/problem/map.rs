@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Poses and landmarks, some of which may be undetermined.
+
+use super::priors::Tie;
+use super::problem::Problem;
+use super::subject::{Subject, Undetermined, Why};
+use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::{Pose, transform_pose};
+use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
+
+/// Poses and landmarks; `None` where they are not determined.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// The pose of each view.
+    pub poses: Vec<Option<Pose<f64>>>,
+    /// The position of each landmark.
+    pub landmarks: Vec<Option<Point2<f64>>>,
+}
+
+impl Map {
+    /// A map with nothing in it.
+    pub fn empty(views: usize, landmarks: usize) -> Self {
+        Self {
+            poses: vec![None; views],
+            landmarks: vec![None; landmarks],
+        }
+    }
+
+    /// Whether every pose and landmark has an estimate.
+    pub fn is_complete(&self) -> bool {
+        self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
+    }
+
+    /// What has an estimate: views, then landmarks.
+    pub(crate) fn determined(&self) -> impl Iterator<Item = Subject> + '_ {
+        let views = (0..self.poses.len()).filter(|&k| self.poses[k].is_some());
+        let landmarks = (0..self.landmarks.len()).filter(|&k| self.landmarks[k].is_some());
+        views
+            .map(Subject::View)
+            .chain(landmarks.map(Subject::Landmark))
+    }
+
+    /// The bearing residual, predicted minus measured in (-pi, pi] (unoriented: in
+    /// (-pi/2, pi/2]), of each sighting of a problem, in
+    /// the order of [`Problem::sightings`]; `None` where an end is undetermined.
+    pub fn residuals<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = Option<f64>> + 'a {
+        problem.sightings().iter().map(|s| {
+            let (pose, point) = (self.poses[s.view]?, self.landmarks[s.landmark]?);
+            Some(problem.residual(&pose, &point, s))
+        })
+    }
+
+    /// # Errors
+    /// [`Error::LengthMismatch`] when the map is not of the problem's size.
+    pub(crate) fn check_size(&self, problem: &Problem) -> Result<(), Error> {
+        for (what, expected, got) in [
+            ("poses", problem.views(), self.poses.len()),
+            ("landmarks", problem.landmarks(), self.landmarks.len()),
+        ] {
+            if expected != got {
+                return Err(Error::LengthMismatch {
+                    what,
+                    expected,
+                    got,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The problem between what the map determines.
+    pub(crate) fn restrict(&self, problem: &Problem) -> Problem {
+        let views: Vec<bool> = self.poses.iter().map(Option::is_some).collect();
+        let landmarks: Vec<bool> = self.landmarks.iter().map(Option::is_some).collect();
+        problem.restrict(&views, &landmarks)
+    }
+
+    /// Moves the map by a similarity.
+    pub fn transformed(&self, similarity: &Similarity2<f64>) -> Self {
+        Self {
+            poses: self
+                .poses
+                .iter()
+                .map(|pose| pose.map(|pose| transform_pose(similarity, &pose)))
+                .collect(),
+            landmarks: self
+                .landmarks
+                .iter()
+                .map(|point| point.map(|point| similarity.transform_point(&point)))
+                .collect(),
+        }
+    }
+
+    /// The same map in the gauge of this crate: the first determined view at the origin with heading
+    /// 0, and a root-mean-square distance of 1 of the other views from it.
+    ///
+    /// Left as it is when all views are in one place, or too far apart for the number type.
+    pub fn normalized(&self) -> Self {
+        let mut views = self.poses.iter().flatten();
+        let Some(first) = views.next() else {
+            return self.clone();
+        };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for pose in views {
+            sum += (pose.translation.vector - first.translation.vector).norm_squared();
+            count += 1.0;
+        }
+        let scale = (count / sum).sqrt();
+        if !(scale > 0.0 && scale.is_finite()) {
+            return self.clone();
+        }
+        let home = first.inverse();
+        let shift = Translation2::from(home.translation.vector * scale);
+        let similarity = Similarity2::from_parts(shift, home.rotation, scale);
+        let mut map = self.transformed(&similarity);
+        // The first view exactly, and unit rotations again.
+        for (k, pose) in map.poses.iter_mut().flatten().enumerate() {
+            if k == 0 {
+                *pose = Pose::identity();
+            } else {
+                pose.rotation = UnitComplex::from_complex(pose.rotation.into_inner());
+            }
+        }
+        map
+    }
+
+    /// Drops views and landmarks that what is left cannot fix, and lists all that have no estimate,
+    /// with the reason.
+    ///
+    /// Each needs as many numbers as it has: a bearing is one; odometry and priors count with theirs.
+    pub(crate) fn prune(&mut self, problem: &Problem) -> Vec<Undetermined> {
+        let ties = TiesOf::new(problem);
+        loop {
+            let mut dropped = false;
+            for view in 0..self.poses.len() {
+                if self.poses[view].is_some()
+                    && self.connections_of_view(problem, view) + ties.numbers_of_view(self, view)
+                        < MIN_LANDMARKS_OF_VIEW
+                {
+                    self.poses[view] = None;
+                    dropped = true;
+                }
+            }
+            for landmark in 0..self.landmarks.len() {
+                if self.landmarks[landmark].is_some()
+                    && self.connections_of_landmark(problem, landmark)
+                        + ties.numbers_of_landmark(landmark)
+                        < MIN_VIEWS_OF_LANDMARK
+                {
+                    self.landmarks[landmark] = None;
+                    dropped = true;
+                }
+            }
+            if !dropped {
+                break;
+            }
+        }
+        let views = (0..self.poses.len())
+            .filter(|&view| self.poses[view].is_none())
+            .map(|view| {
+                (
+                    Subject::View(view),
+                    problem.of_view(view).len(),
+                    self.connections_of_view(problem, view),
+                    MIN_LANDMARKS_OF_VIEW,
+                )
+            });
+        let landmarks = (0..self.landmarks.len())
+            .filter(|&landmark| self.landmarks[landmark].is_none())
+            .map(|landmark| {
+                (
+                    Subject::Landmark(landmark),
+                    problem.of_landmark(landmark).len(),
+                    self.connections_of_landmark(problem, landmark),
+                    MIN_VIEWS_OF_LANDMARK,
+                )
+            });
+        views
+            .chain(landmarks)
+            .map(|(subject, all, connected, needed)| Undetermined {
+                subject,
+                why: if all < needed {
+                    Why::TooFewSightings { got: all, needed }
+                } else if connected < needed {
+                    Why::NotConnected {
+                        got: connected,
+                        needed,
+                    }
+                } else {
+                    Why::Degenerate
+                },
+            })
+            .collect()
+    }
+
+    /// How many determined landmarks a view sees.
+    pub(crate) fn connections_of_view(&self, problem: &Problem, view: usize) -> usize {
+        problem
+            .of_view(view)
+            .iter()
+            .filter(|s| self.landmarks[s.landmark].is_some())
+            .count()
+    }
+
+    /// How many determined views see a landmark.
+    pub(crate) fn connections_of_landmark(&self, problem: &Problem, landmark: usize) -> usize {
+        problem
+            .of_landmark(landmark)
+            .iter()
+            .filter(|&&k| self.poses[problem.sightings()[k].view].is_some())
+            .count()
+    }
+}
+
+/// The ties of each subject.
+struct TiesOf {
+    /// Of each view: how many numbers its priors give, and the views at the other end of its motions.
+    views: Vec<(usize, Vec<usize>)>,
+    /// Of each landmark: how many numbers its priors give.
+    landmarks: Vec<usize>,
+}
+
+impl TiesOf {
+    fn new(problem: &Problem) -> Self {
+        let mut found = Self {
+            views: Vec::new(),
+            landmarks: Vec::new(),
+        };
+        if problem.ties().is_empty() {
+            return found;
+        }
+        found.views.resize(problem.views(), (0, Vec::new()));
+        found.landmarks.resize(problem.landmarks(), 0);
+        for tie in problem.ties() {
+            match tie {
+                Tie::Motion { start, end, .. } => {
+                    found.views[*start].1.push(*end);
+                    found.views[*end].1.push(*start);
+                }
+                Tie::Pose { view, root, .. } => {
+                    found.views[*view].0 += (0..3).filter(|&k| root[k][k] > 0.0).count();
+                }
+                Tie::Landmark { landmark, .. } => found.landmarks[*landmark] += 2,
+            }
+        }
+        found
+    }
+
+    fn numbers_of_view(&self, map: &Map, view: usize) -> usize {
+        let Some((known, others)) = self.views.get(view) else {
+            return 0;
+        };
+        let ends = others.iter().filter(|&&other| map.poses[other].is_some());
+        known + 3 * ends.count()
+    }
+
+    fn numbers_of_landmark(&self, landmark: usize) -> usize {
+        self.landmarks.get(landmark).copied().unwrap_or(0)
+    }
+}

@@ -1,0 +1,439 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Who sees what, at which bearing.
+
+use super::priors::{LandmarkPrior, Odometry, PosePrior, Tie};
+use super::subject::Subject;
+use crate::error::Error;
+use crate::geometry::{Bearing, Pose, signed_angle};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ops::Range;
+use nalgebra::Point2;
+
+/// One bearing from a view to a landmark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sighting {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the landmark.
+    pub landmark: usize,
+    /// Angle from the heading of the view, counter-clockwise \[rad\].
+    pub bearing: f64,
+    /// Standard deviation of the bearing \[rad\]; 1 where only the relative weight matters.
+    pub sigma: f64,
+}
+
+/// A sighting as the problem keeps it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Index of the view.
+    pub view: usize,
+    /// Index of the landmark.
+    pub landmark: usize,
+    /// The bearing as a unit vector.
+    pub bearing: Bearing<f64>,
+    /// One over the standard deviation.
+    pub weight: f64,
+}
+
+/// All that is known, checked once: sightings, sorted by view and then landmark, and what odometry and
+/// priors add to them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Problem {
+    landmarks: usize,
+    sightings: Vec<Seen>,
+    /// Where each view begins in `sightings`, and the end.
+    view_start: Vec<usize>,
+    /// Indices into `sightings`, landmark by landmark.
+    by_landmark: Vec<usize>,
+    landmark_start: Vec<usize>,
+    /// For each sighting, its index in the input.
+    input: Vec<usize>,
+    /// Whether a bearing is a ray; a line otherwise.
+    oriented: bool,
+    /// Odometry and priors.
+    ties: Vec<Tie>,
+}
+
+impl Problem {
+    /// A problem from a list of sightings, in any order.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`] and
+    /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
+    /// twice.
+    pub fn new(views: usize, landmarks: usize, sightings: &[Sighting]) -> Result<Self, Error> {
+        for (index, s) in sightings.iter().enumerate() {
+            for (what, value, bound) in
+                [("view", s.view, views), ("landmark", s.landmark, landmarks)]
+            {
+                if value >= bound {
+                    return Err(Error::OutOfRange {
+                        what,
+                        index,
+                        value,
+                        bound,
+                    });
+                }
+            }
+            for (what, value) in [("bearing", s.bearing), ("sigma", s.sigma)] {
+                if !value.is_finite() {
+                    return Err(Error::NotFinite { what, index });
+                }
+            }
+            let weight = 1.0 / s.sigma;
+            let square = weight * weight;
+            // Its square must be a number as well, or the cost is none.
+            if !(s.sigma > 0.0 && square > 0.0 && square.is_finite()) {
+                return Err(Error::NotPositive {
+                    what: "sigma",
+                    index,
+                    value: s.sigma,
+                });
+            }
+        }
+        let mut input: Vec<usize> = (0..sightings.len()).collect();
+        input.sort_by_key(|&k| (sightings[k].view, sightings[k].landmark));
+        for pair in input.windows(2) {
+            let (a, b) = (&sightings[pair[0]], &sightings[pair[1]]);
+            if (a.view, a.landmark) == (b.view, b.landmark) {
+                return Err(Error::Duplicate {
+                    view: a.view,
+                    landmark: a.landmark,
+                    first: pair[0],
+                    second: pair[1],
+                });
+            }
+        }
+        let seen = input
+            .iter()
+            .map(|&k| {
+                let s = &sightings[k];
+                Seen {
+                    view: s.view,
+                    landmark: s.landmark,
+                    bearing: Bearing::new(s.bearing),
+                    weight: 1.0 / s.sigma,
+                }
+            })
+            .collect();
+        Ok(Self::index(views, landmarks, seen, input))
+    }
+
+    /// A problem from a `views x landmarks` table of bearings \[rad\], row by row; NaN where a view
+    /// did not see a landmark. All with the same standard deviation.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
+    /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
+    pub fn dense(
+        views: usize,
+        landmarks: usize,
+        bearings: &[f64],
+        sigma: f64,
+    ) -> Result<Self, Error> {
+        if views.checked_mul(landmarks) != Some(bearings.len()) {
+            return Err(Error::LengthMismatch {
+                what: "bearings",
+                expected: views.saturating_mul(landmarks),
+                got: bearings.len(),
+            });
+        }
+        let sightings: Vec<_> = bearings
+            .iter()
+            .enumerate()
+            .filter(|(_, bearing)| !is_nan(**bearing))
+            .map(|(k, &bearing)| Sighting {
+                view: k / landmarks,
+                landmark: k % landmarks,
+                bearing,
+                sigma,
+            })
+            .collect();
+        Self::new(views, landmarks, &sightings)
+    }
+
+    /// The same problem with bearings that are known modulo pi only: lines, not rays.
+    ///
+    /// Headings are then known modulo pi as well, each for itself.
+    pub fn unoriented(mut self) -> Self {
+        self.oriented = false;
+        self
+    }
+
+    /// The same problem with odometry in addition to what it has.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a view beyond those of the problem, [`Error::SameView`] for a motion from a
+    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for
+    /// bad numbers.
+    pub fn with_odometry(mut self, odometry: &[Odometry]) -> Result<Self, Error> {
+        for (index, motion) in odometry.iter().enumerate() {
+            let &Odometry { start, end, .. } = motion;
+            check_index("odometry: start", index, start, self.views())?;
+            check_index("odometry: end", index, end, self.views())?;
+            if start == end {
+                return Err(Error::SameView { index, view: start });
+            }
+            check_pose("odometry: delta", index, &motion.delta)?;
+            let root = motion.noise.root("odometry: sigma", index)?;
+            // A motion of which a part is unknown ties no frame to another.
+            if (0..3).any(|k| root[k][k] <= 0.0) {
+                return Err(Error::NotFinite {
+                    what: "odometry: sigma",
+                    index,
+                });
+            }
+            self.ties.push(Tie::Motion {
+                start,
+                end,
+                delta: motion.delta,
+                root,
+            });
+        }
+        Ok(self)
+    }
+
+    /// The same problem with poses that are known beforehand in addition to what it has.
+    ///
+    /// # Errors
+    /// As [`Problem::with_odometry`].
+    pub fn with_pose_priors(mut self, priors: &[PosePrior]) -> Result<Self, Error> {
+        for (index, prior) in priors.iter().enumerate() {
+            check_index("pose priors: view", index, prior.view, self.views())?;
+            check_pose("pose priors: pose", index, &prior.pose)?;
+            self.ties.push(Tie::Pose {
+                view: prior.view,
+                pose: prior.pose,
+                root: prior.noise.root("pose priors: sigma", index)?,
+            });
+        }
+        Ok(self)
+    }
+
+    /// The same problem with landmarks that are known beforehand in addition to what it has.
+    ///
+    /// # Errors
+    /// As [`Problem::with_odometry`].
+    pub fn with_landmark_priors(mut self, priors: &[LandmarkPrior]) -> Result<Self, Error> {
+        for (index, prior) in priors.iter().enumerate() {
+            let &LandmarkPrior {
+                landmark, position, ..
+            } = prior;
+            check_index("landmark priors: landmark", index, landmark, self.landmarks)?;
+            if !(position.x.is_finite() && position.y.is_finite()) {
+                return Err(Error::NotFinite {
+                    what: "landmark priors: position",
+                    index,
+                });
+            }
+            self.ties.push(Tie::Landmark {
+                landmark,
+                position,
+                root: prior.noise.root("landmark priors: sigma", index)?,
+            });
+        }
+        Ok(self)
+    }
+
+    /// Builds the index over sightings that are sorted by view and landmark.
+    fn index(views: usize, landmarks: usize, sightings: Vec<Seen>, input: Vec<usize>) -> Self {
+        let mut view_start = vec![0; views + 1];
+        let mut landmark_start = vec![0; landmarks + 1];
+        for s in &sightings {
+            view_start[s.view + 1] += 1;
+            landmark_start[s.landmark + 1] += 1;
+        }
+        for starts in [&mut view_start, &mut landmark_start] {
+            for k in 1..starts.len() {
+                starts[k] += starts[k - 1];
+            }
+        }
+        let mut next = landmark_start.clone();
+        let mut by_landmark = vec![0; sightings.len()];
+        for (k, s) in sightings.iter().enumerate() {
+            by_landmark[next[s.landmark]] = k;
+            next[s.landmark] += 1;
+        }
+        Self {
+            landmarks,
+            sightings,
+            view_start,
+            by_landmark,
+            landmark_start,
+            input,
+            oriented: true,
+            ties: Vec::new(),
+        }
+    }
+
+    /// Number of views.
+    pub fn views(&self) -> usize {
+        self.view_start.len() - 1
+    }
+
+    /// Number of landmarks.
+    pub fn landmarks(&self) -> usize {
+        self.landmarks
+    }
+
+    /// Whether bearings are rays; lines, known modulo pi only, otherwise.
+    pub fn is_oriented(&self) -> bool {
+        self.oriented
+    }
+
+    /// The same problem with bearings alone.
+    pub(crate) fn without_ties(mut self) -> Self {
+        self.ties.clear();
+        self
+    }
+
+    /// The same problem without priors.
+    pub(crate) fn with_motions_only(mut self) -> Self {
+        self.ties.retain(|tie| matches!(tie, Tie::Motion { .. }));
+        self
+    }
+
+    /// Odometry and priors.
+    pub(crate) fn ties(&self) -> &[Tie] {
+        &self.ties
+    }
+
+    /// All sightings, sorted by view and then landmark.
+    pub fn sightings(&self) -> &[Seen] {
+        &self.sightings
+    }
+
+    /// For each sighting its index in the list or table the problem was made from; in a table the
+    /// places that are NaN do not count.
+    pub fn input_order(&self) -> &[usize] {
+        &self.input
+    }
+
+    /// The bearing residual of a sighting \[rad\]: predicted less measured, in (-pi, pi]; of lines in
+    /// (-pi/2, pi/2].
+    #[inline]
+    pub(crate) fn residual(&self, pose: &Pose<f64>, point: &Point2<f64>, s: &Seen) -> f64 {
+        let seen = pose.inverse_transform_point(point);
+        let turned = s.bearing.inverse_transform_vector(&seen.coords);
+        if self.oriented || turned.x >= 0.0 {
+            signed_angle(turned.x, turned.y)
+        } else {
+            signed_angle(-turned.x, -turned.y)
+        }
+    }
+
+    /// What a view sees.
+    pub fn of_view(&self, view: usize) -> &[Seen] {
+        &self.sightings[self.range_of_view(view)]
+    }
+
+    /// The range of [`Problem::sightings`] that belongs to a view.
+    pub(crate) fn range_of_view(&self, view: usize) -> Range<usize> {
+        self.view_start[view]..self.view_start[view + 1]
+    }
+
+    /// The sightings of a landmark, by index into [`Problem::sightings`].
+    pub fn of_landmark(&self, landmark: usize) -> &[usize] {
+        &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
+    }
+
+    /// The same sightings as a problem of its own: input indices refer to itself.
+    pub(crate) fn on_its_own(mut self) -> Self {
+        self.input = (0..self.sightings.len()).collect();
+        self
+    }
+
+    /// The problem of some of the sightings, by their place in [`Problem::sightings`], as if they were
+    /// the input; views and landmarks keep their numbers.
+    pub(crate) fn subset(&self, keep: &[bool]) -> Self {
+        let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
+        let sightings: Vec<Seen> = kept.map(|(seen, _)| *seen).collect();
+        let input = (0..sightings.len()).collect();
+        Self {
+            oriented: self.oriented,
+            ties: self.ties.clone(),
+            ..Self::index(self.views(), self.landmarks, sightings, input)
+        }
+    }
+
+    /// The part of the problem between the views and landmarks that are kept, numbered anew in
+    /// their order. Input indices refer to the sightings of this problem.
+    pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
+        let number = |keep: &[bool]| {
+            let mut next = 0;
+            let numbers: Vec<usize> = keep
+                .iter()
+                .map(|&k| {
+                    next += usize::from(k);
+                    next - usize::from(k)
+                })
+                .collect();
+            (numbers, next)
+        };
+        let (view_number, views) = number(keep_view);
+        let (landmark_number, landmarks) = number(keep_landmark);
+        let mut sightings = Vec::with_capacity(self.sightings.len());
+        let mut input = Vec::with_capacity(self.sightings.len());
+        for (k, s) in self.sightings.iter().enumerate() {
+            if keep_view[s.view] && keep_landmark[s.landmark] {
+                sightings.push(Seen {
+                    view: view_number[s.view],
+                    landmark: landmark_number[s.landmark],
+                    ..*s
+                });
+                input.push(k);
+            }
+        }
+        let kept = |tie: &&Tie| {
+            tie.subjects()
+                .iter()
+                .flatten()
+                .all(|subject| match *subject {
+                    Subject::View(view) => keep_view[view],
+                    Subject::Landmark(landmark) => keep_landmark[landmark],
+                })
+        };
+        let ties = self.ties.iter().filter(kept);
+        let ties = ties.map(|tie| tie.moved(|v| view_number[v], |l| landmark_number[l], 1.0));
+        Self {
+            oriented: self.oriented,
+            ties: ties.collect(),
+            ..Self::index(views, landmarks, sightings, input)
+        }
+    }
+
+    /// The same problem in another unit of length; bearings know none.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        for tie in &mut scaled.ties {
+            *tie = tie.moved(|view| view, |landmark| landmark, factor);
+        }
+        scaled
+    }
+}
+
+fn check_index(what: &'static str, index: usize, value: usize, bound: usize) -> Result<(), Error> {
+    if value < bound {
+        return Ok(());
+    }
+    Err(Error::OutOfRange {
+        what,
+        index,
+        value,
+        bound,
+    })
+}
+
+fn check_pose(what: &'static str, index: usize, pose: &Pose<f64>) -> Result<(), Error> {
+    let place = pose.translation.vector.norm_squared();
+    if (place + pose.rotation.norm_sqr()).is_finite() {
+        return Ok(());
+    }
+    Err(Error::NotFinite { what, index })
+}
+
+#[inline]
+pub(crate) fn is_nan(value: f64) -> bool {
+    value.partial_cmp(&value).is_none()
+}

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! From three poses to a map of everything they reach, and what it is worth.
+
+use crate::geometry::Pose;
+use crate::kernels::{resect, triangulate};
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
+
+/// Triangulates every landmark that at least two determined views see, anew where it has a value.
+pub fn triangulate_all(problem: &Problem, map: &mut Map) {
+    for landmark in 0..map.landmarks.len() {
+        triangulate_one(problem, map, landmark);
+    }
+}
+
+/// Triangulates one landmark if at least two determined views see it.
+pub fn triangulate_one(problem: &Problem, map: &mut Map, landmark: usize) {
+    let poses = &map.poses;
+    let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
+        let s = &problem.sightings()[k];
+        poses[s.view].map(|pose| (pose, s.bearing))
+    });
+    if rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1).is_some() {
+        map.landmarks[landmark] = triangulate(rays).ok().map(|found| found.point);
+    }
+}
+
+/// The pose of a view from the landmarks that are determined, and how badly it fits.
+pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f64>, f64)> {
+    let sightings = problem
+        .of_view(view)
+        .iter()
+        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, s.bearing)));
+    sightings.clone().nth(MIN_LANDMARKS_OF_VIEW - 1)?;
+    resect(sightings)
+        .ok()
+        .map(|found| (found.pose, found.misfit))
+}
+
+/// Grows a map from the poses it has, by triangulation and resection in turn, as far as it goes.
+///
+/// What had its first estimate from few neighbours has it made anew from all once they are known.
+pub fn grow(problem: &Problem, map: &mut Map) {
+    triangulate_all(problem, map);
+    loop {
+        let mut grown = false;
+        for view in 0..map.poses.len() {
+            if map.poses[view].is_none()
+                && let Some((pose, _)) = resect_view(problem, map, view)
+            {
+                map.poses[view] = Some(pose);
+                grown = true;
+            }
+        }
+        if !grown {
+            return;
+        }
+        triangulate_all(problem, map);
+        if map.poses.iter().all(Option::is_some) {
+            return;
+        }
+    }
+}
+
+/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`].
+const HALF_EXPLAINED: f64 = 0.1;
+
+/// The robust cost of a map over all sightings of the problem, between 0 and their number.
+///
+/// Each sighting adds `q / (q + c^2)` with q the squared sine of its error (1 and more when it points
+/// away, unless it is a line); a sighting that the map does not reach adds 1.
+pub fn score(problem: &Problem, map: &Map) -> f64 {
+    let bound = HALF_EXPLAINED * HALF_EXPLAINED;
+    let lines = !problem.is_oriented();
+    let mut sum = 0.0;
+    for (view, pose) in map.poses.iter().enumerate() {
+        let seen = problem.of_view(view);
+        let Some(pose) = pose else {
+            sum += seen.len() as f64;
+            continue;
+        };
+        for s in seen {
+            let Some(point) = &map.landmarks[s.landmark] else {
+                sum += 1.0;
+                continue;
+            };
+            let offset = point.coords - pose.translation.vector;
+            let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+            let along = ray.re * offset.x + ray.im * offset.y;
+            let across = ray.re * offset.y - ray.im * offset.x;
+            let square = offset.norm_squared();
+            let error = if along > 0.0 || lines {
+                across * across
+            } else {
+                square + along * along
+            };
+            // error / (error + bound) with both times |d|^2, so one division serves.
+            let total = error + bound * square;
+            sum += if total > 0.0 { error / total } else { 1.0 };
+        }
+    }
+    sum
+}

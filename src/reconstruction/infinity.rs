@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Landmarks of which only the direction is known.
+
+use super::result::Reconstruction;
+use crate::lm::Termination;
+use crate::problem::{Problem, Subject, Undetermined, Why};
+use crate::uncertainty::unbounded_landmarks;
+
+/// Takes landmarks at infinity out of a refined map: their range means nothing.
+///
+/// Their bearings have done their part: they hold the headings, and the cost counts them.
+pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
+    // Exact bearings leave no noise to judge by, and a map that explains nothing is none.
+    if found.freedom == 0
+        || found.termination == Termination::ZeroResidual
+        || found.rms > PLAUSIBLE_RMS
+    {
+        return;
+    }
+    let variance = 2.0 * found.cost / (found.freedom as f64);
+    let unbounded = unbounded_landmarks(problem, &found.map, variance);
+    let lost: usize = unbounded
+        .iter()
+        .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))
+        .sum();
+    // When the map hangs on them, its uncertainty tells.
+    if lost >= found.freedom {
+        return;
+    }
+    for landmark in unbounded {
+        found.map.landmarks[landmark] = None;
+        found.undetermined.push(Undetermined {
+            subject: Subject::Landmark(landmark),
+            why: Why::AtInfinity,
+        });
+    }
+    found
+        .undetermined
+        .sort_by_key(|undetermined| undetermined.subject);
+}
+
+/// Residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
+const PLAUSIBLE_RMS: f64 = 0.1;

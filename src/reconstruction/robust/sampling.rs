@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Random samples: five landmarks of three views, and what else agrees with them.
+//!
+//! The trilinear relation (T1) knows bearings modulo pi only, so a bearing that is off by pi is no
+//! outlier here; signs come later.
+
+use super::super::search::triples::common_bearings;
+use crate::kernels::{CalibratedTensor, Motion, Triple};
+use crate::problem::Problem;
+use alloc::vec::Vec;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Landmarks of a sample: the fewest that fix the tensor.
+pub const SAMPLE: usize = 5;
+
+/// Sampson's residual over its standard deviation at which a landmark does not agree with the tensor of
+/// a sample, which is no better than its five landmarks; and at which it does not with tensors
+/// estimated from more and more of those that do.
+const WIDE: f64 = 6.0;
+const NARROWER: [f64; 3] = [6.0, 4.5, 3.0];
+
+/// Samples of a triple that are estimated anew from all that agrees with them.
+const KEPT: usize = 3;
+
+/// Three views and the landmarks that they share.
+pub struct Common {
+    pub views: [usize; 3],
+    landmarks: Vec<usize>,
+    triples: Vec<Triple<f64>>,
+    /// Of the three bearings of each.
+    variances: Vec<[f64; 3]>,
+}
+
+/// Three views whose motion a consensus of landmarks has given.
+pub struct Seed {
+    pub views: [usize; 3],
+    /// The landmarks that agree, modulo pi.
+    pub landmarks: Vec<usize>,
+    /// Both motions, the likelier first.
+    pub motions: [Motion<f64>; 2],
+    /// Landmarks that agree, each counted the less the worse it fits.
+    pub support: f64,
+}
+
+impl Common {
+    pub fn new(problem: &Problem, views: [usize; 3]) -> Self {
+        let (triples, landmarks) = common_bearings(problem, views);
+        let variance = |view: usize, landmark: usize| {
+            let seen = problem.of_view(view);
+            let place = seen.binary_search_by_key(&landmark, |s| s.landmark);
+            place.map_or(1.0, |k| {
+                let sigma = 1.0 / seen[k].weight;
+                sigma * sigma
+            })
+        };
+        let variances = landmarks
+            .iter()
+            .map(|&landmark| views.map(|view| variance(view, landmark)))
+            .collect();
+        Self {
+            views,
+            landmarks,
+            triples,
+            variances,
+        }
+    }
+
+    /// How well all landmarks agree with a tensor: each counts between 0 and 1.
+    fn support(&self, tensor: &CalibratedTensor<f64>, bound: f64) -> f64 {
+        let most = bound * bound;
+        let lost = self
+            .triples
+            .iter()
+            .zip(&self.variances)
+            .map(|(triple, variances)| tensor.sampson_square(triple, variances).min(most))
+            .fold(0.0, |sum, square| sum + square);
+        self.triples.len() as f64 - (lost / most)
+    }
+
+    /// The landmarks that agree with a tensor.
+    fn agreeing(&self, tensor: &CalibratedTensor<f64>, bound: f64) -> impl Iterator<Item = usize> {
+        let most = bound * bound;
+        (0..self.triples.len())
+            .filter(move |&k| tensor.sampson_square(&self.triples[k], &self.variances[k]) <= most)
+    }
+
+    /// The best of some random samples, estimated anew from all landmarks that agree.
+    ///
+    /// `None` when no sample has a motion.
+    pub fn best_seed(&self, samples: usize, random: &mut ChaCha8Rng) -> Option<Seed> {
+        let count = self.triples.len();
+        if count < SAMPLE {
+            return None;
+        }
+        let mut order: Vec<usize> = (0..count).collect();
+        let mut kept: Vec<(f64, CalibratedTensor<f64>)> = Vec::with_capacity(KEPT + 1);
+        for _ in 0..samples {
+            for place in 0..SAMPLE {
+                order.swap(place, random.random_range(place..count));
+            }
+            let sample: [Triple<f64>; SAMPLE] = core::array::from_fn(|k| self.triples[order[k]]);
+            let Ok(tensor) = CalibratedTensor::estimate(&sample, 0) else {
+                continue;
+            };
+            let support = self.support(&tensor, WIDE);
+            let place = kept.partition_point(|(other, _)| *other >= support);
+            if place < KEPT {
+                kept.insert(place, (support, tensor));
+                kept.truncate(KEPT);
+            }
+        }
+        kept.into_iter()
+            .map(|(_, tensor)| self.improve(tensor))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .and_then(|(support, tensor)| self.seed(&tensor, support))
+    }
+
+    /// Estimates a tensor anew from what agrees with it, within narrower and narrower bounds.
+    fn improve(&self, mut tensor: CalibratedTensor<f64>) -> (f64, CalibratedTensor<f64>) {
+        let mut agreeing: Vec<Triple<f64>> = Vec::with_capacity(self.triples.len());
+        for bound in NARROWER {
+            agreeing.clear();
+            agreeing.extend(self.agreeing(&tensor, bound).map(|k| self.triples[k]));
+            if agreeing.len() <= SAMPLE {
+                break;
+            }
+            match CalibratedTensor::estimate(&agreeing, 1) {
+                Ok(better) => tensor = better,
+                Err(_) => break,
+            }
+        }
+        (self.support(&tensor, WIDE), tensor)
+    }
+
+    fn seed(&self, tensor: &CalibratedTensor<f64>, support: f64) -> Option<Seed> {
+        let agreeing: Vec<usize> = self.agreeing(tensor, WIDE).collect();
+        let triples: Vec<Triple<f64>> = agreeing.iter().map(|&k| self.triples[k]).collect();
+        let [first, second] = tensor.motions(&triples).ok()?;
+        Some(Seed {
+            views: self.views,
+            landmarks: agreeing.into_iter().map(|k| self.landmarks[k]).collect(),
+            motions: if first.inconsistent <= second.inconsistent {
+                [first, second]
+            } else {
+                [second, first]
+            },
+            support,
+        })
+    }
+}

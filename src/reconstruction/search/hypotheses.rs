@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Hypotheses: whole maps grown from triples of views.
+
+use super::super::grow::{grow, score};
+use super::super::judge::near;
+use super::super::options::{Progress, Search, tell};
+use super::tensor_circle::{Circle, along_circle};
+use super::triples::{self, are_rivals, common_bearings};
+use crate::error::Error;
+use crate::kernels::{CalibratedTensor, Method, three_view};
+use crate::problem::{Map, Problem};
+use alloc::vec::Vec;
+
+/// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
+pub const MIN_SHARED: usize = 5;
+const MIN_SHARED_WITH_FOURTH: usize = 4;
+
+/// A first map.
+pub struct Hypothesis {
+    pub map: Map,
+    /// Number of the triple that it has been grown from.
+    pub triple: usize,
+}
+
+/// First maps.
+pub struct Hypotheses {
+    /// Best first.
+    pub maps: Vec<Hypothesis>,
+    /// Whether the problem has one solution in general: more than three views, more than four
+    /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
+    pub unique: bool,
+    /// Whether they come from four landmarks, where every minimum counts.
+    pub four: bool,
+    /// Triples of views, the best conditioned first, for a wider search.
+    triples: Vec<[usize; 3]>,
+}
+
+/// Maps with their scores.
+type Scored = Vec<(f64, Hypothesis)>;
+
+/// Maps grown from many triples of views, the best score first.
+pub fn search(
+    problem: &Problem,
+    search: Search,
+    seed: u64,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Hypotheses, Error> {
+    if problem.views() < 3 {
+        return Err(Error::TooFew {
+            what: "views",
+            needed: 3,
+            got: problem.views(),
+        });
+    }
+    for (what, got) in [
+        ("triples of the search", search.triples),
+        ("grown triples of the search", search.grown),
+        ("candidates of the search", search.candidates),
+    ] {
+        if got == 0 {
+            return Err(Error::TooFew {
+                what,
+                needed: 1,
+                got,
+            });
+        }
+    }
+    let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
+    let mut failure = None;
+    let mut seeds = Vec::with_capacity(drawn.len());
+    for (done, &views) in drawn.iter().enumerate() {
+        if !tell(progress, "search", done, drawn.len()) {
+            return Err(Error::Interrupted);
+        }
+        let (triples, _) = common_bearings(problem, views);
+        match CalibratedTensor::estimate(&triples, 0) {
+            Ok(tensor) => seeds.push((tensor.quality(), triples, views)),
+            Err(error) => failure = Some(error),
+        }
+    }
+    seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut scored: Scored = Vec::new();
+    let total = seeds.len().min(search.grown);
+    for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
+        if !tell(progress, "grow", triple, total) {
+            return Err(Error::Interrupted);
+        }
+        match three_view(triples, Method::Calibrated { reweights: 1 }) {
+            Err(error) => failure = Some(error),
+            Ok(solution) => {
+                let rivals = are_rivals(problem, &solution.motions, triples.len());
+                for motion in solution.motions.iter().take(1 + usize::from(rivals)) {
+                    let mut map = Map::empty(problem.views(), problem.landmarks());
+                    for (&view, pose) in views.iter().zip(motion.poses) {
+                        map.poses[view] = Some(pose);
+                    }
+                    grow(problem, &mut map);
+                    let score = score(problem, &map);
+                    scored.push((score, Hypothesis { map, triple }));
+                }
+            }
+        }
+    }
+    let four = drawn.is_empty() && problem.views() > 3;
+    if four {
+        let count = search.triples.min(MAX_SWEEPS);
+        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
+        scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
+    }
+    if scored.is_empty() {
+        return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
+    }
+    let maps = if four {
+        distinct(scored)
+    } else {
+        ranked(scored)
+    };
+    Ok(Hypotheses {
+        maps,
+        unique: !four && problem.views() > 3,
+        four,
+        triples: seeds.into_iter().map(|(_, _, views)| views).collect(),
+    })
+}
+
+impl Hypotheses {
+    /// Maps from elsewhere.
+    pub fn of<const N: usize>(maps: [Map; N]) -> Self {
+        Self {
+            maps: maps.map(|map| Hypothesis { map, triple: 0 }).into(),
+            unique: false,
+            four: false,
+            triples: Vec::new(),
+        }
+    }
+
+    /// More maps: from tensors that noise may have turned into those that were estimated.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when `progress` says so.
+    pub fn widened(
+        &self,
+        problem: &Problem,
+        swept: usize,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Vec<Hypothesis>, Error> {
+        let triples = &self.triples[..swept.min(self.triples.len())];
+        Ok(distinct(sweep(
+            problem,
+            triples,
+            Circle::AROUND_BEST,
+            progress,
+        )?))
+    }
+}
+
+/// Maps along the circles of some triples.
+fn sweep(
+    problem: &Problem,
+    triples: &[[usize; 3]],
+    circle: Circle,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Scored, Error> {
+    let mut scored = Vec::new();
+    for (triple, &views) in triples.iter().enumerate() {
+        if !tell(progress, "search", triple, triples.len()) {
+            return Err(Error::Interrupted);
+        }
+        let found = along_circle(problem, views, circle).into_iter();
+        scored.extend(found.map(|(score, map)| (score, Hypothesis { map, triple })));
+    }
+    Ok(scored)
+}
+
+/// Hypotheses by their scores, the best first.
+fn ranked(mut scored: Scored) -> Vec<Hypothesis> {
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    scored.into_iter().map(|(_, found)| found).collect()
+}
+
+/// What to say when no three views share enough landmarks.
+fn too_few_shared(problem: &Problem) -> Error {
+    too_few(
+        problem,
+        if problem.views() > 3 {
+            MIN_SHARED_WITH_FOURTH
+        } else {
+            MIN_SHARED
+        },
+    )
+}
+
+/// The same, for a method that needs so many.
+pub fn too_few(problem: &Problem, needed: usize) -> Error {
+    Error::TooFew {
+        what: "landmarks seen by the same three views",
+        needed,
+        got: triples::most_shared(problem),
+    }
+}
+
+/// The best of each cluster of maps, up to [`MAX_DISTINCT`].
+fn distinct(scored: Scored) -> Vec<Hypothesis> {
+    let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
+    for found in ranked(scored) {
+        let normalized = found.map.normalized();
+        if kept
+            .iter()
+            .all(|(_, other)| !near(&normalized, other, CLUSTER))
+        {
+            kept.push((found, normalized));
+            if kept.len() == MAX_DISTINCT {
+                break;
+            }
+        }
+    }
+    kept.into_iter().map(|(found, _)| found).collect()
+}
+
+/// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+const MAX_SWEEPS: usize = 4;
+
+/// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in
+/// the same minimum.
+const CLUSTER: f64 = 0.05;
+
+/// Most clusters that are looked at.
+const MAX_DISTINCT: usize = 60;

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
+//!
+//! A hypothesis in the basin of a good minimum gets there in a few iterations; what has not converged
+//! by then is in a bad one or hardly determined. So all candidates get a few iterations, and the best of
+//! the unfinished go on. It is enough when a minimum is as low as the noise says it must be, or two
+//! triples of views have led to it.
+
+use super::super::judge::{SAME_COST, is_plausible, same};
+use super::super::options::{Progress, tell};
+use super::super::result::Reconstruction;
+use super::hypotheses::Hypothesis;
+use super::landmark_moves::moved_landmarks;
+use crate::adjustment::refine_map;
+use crate::error::Error;
+use crate::lm::{RefineOptions, Termination};
+use crate::problem::{Map, Problem};
+use alloc::vec::Vec;
+
+/// Minima found so far, and starts that are not there yet.
+pub struct Minima<'a, 'p> {
+    problem: &'a Problem,
+    options: &'a RefineOptions,
+    pub progress: &'a mut Option<Progress<'p>>,
+    /// With the number of the triple that each comes from.
+    minima: Vec<(Reconstruction, usize)>,
+    unfinished: Vec<(Reconstruction, usize)>,
+    /// Why the last start that could not be refined could not.
+    failure: Option<Error>,
+}
+
+/// Iterations that every candidate gets.
+const FIRST_ITERATIONS: usize = 8;
+
+/// Most unfinished candidates that go on.
+const MAX_FINISHED: usize = 3;
+
+/// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+const HOPELESS: f64 = 30.0;
+
+/// Fewest degrees of freedom for which the cost alone tells the right minimum when it took its time: wrong ones more often do.
+const SURE_FREEDOM: usize = 45;
+
+/// Other places of landmarks that are tried at a time, and how often.
+const MOVES: usize = 4;
+const ROUNDS: usize = 3;
+
+/// Iterations that each of them gets: what is not better by then is slow because it is worse.
+const MOVED_ITERATIONS: usize = 30;
+
+impl<'a, 'p> Minima<'a, 'p> {
+    pub fn new(
+        problem: &'a Problem,
+        options: &'a RefineOptions,
+        progress: &'a mut Option<Progress<'p>>,
+    ) -> Self {
+        Self {
+            problem,
+            options,
+            progress,
+            minima: Vec::new(),
+            unfinished: Vec::new(),
+            failure: None,
+        }
+    }
+
+    /// Gives each hypothesis a few iterations; with `stop`, until a minimum is beyond doubt. Returns
+    /// whether one is.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+    pub fn try_out(
+        &mut self,
+        hypotheses: impl ExactSizeIterator<Item = Hypothesis>,
+        stop: bool,
+    ) -> Result<bool, Error> {
+        let total = hypotheses.len();
+        let first = self.options.max_iterations.min(FIRST_ITERATIONS);
+        for (done, Hypothesis { map, triple }) in hypotheses.enumerate() {
+            let Some(found) = self.refine(map, first, 0, (done, total))? else {
+                continue;
+            };
+            if found.termination == Termination::MaxIterations {
+                self.unfinished.push((found, triple));
+                continue;
+            }
+            let beyond_doubt = stop && (is_plausible(&found) || self.confirms(&found, triple));
+            self.minima.push((found, triple));
+            if beyond_doubt {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether a minimum is the lowest known, and another triple has led to it before.
+    fn confirms(&self, found: &Reconstruction, triple: usize) -> bool {
+        let mut others = self.minima.iter();
+        others
+            .clone()
+            .all(|(other, _)| other.cost >= found.cost * SAME_COST)
+            && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
+    }
+
+    /// Lets the best of the unfinished go on to their minima, until one is beyond doubt; returns whether
+    /// one is. With `all` every one goes on that may be as good as the best minimum.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn finish(&mut self, all: bool) -> Result<bool, Error> {
+        let mut unfinished = core::mem::take(&mut self.unfinished);
+        unfinished.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
+        let total = if all { unfinished.len() } else { MAX_FINISHED };
+        let mut done = 0;
+        for (found, triple) in unfinished {
+            // Of exact bearings there may be several exact maps.
+            let hopeless = self.minima.iter().any(|(other, _)| {
+                other.termination != Termination::ZeroResidual && found.cost > other.cost * HOPELESS
+            });
+            if hopeless {
+                continue;
+            }
+            if done == total {
+                self.unfinished.push((found, triple));
+                continue;
+            }
+            let used = found.iterations;
+            let left = self.options.max_iterations.saturating_sub(used);
+            if let Some(found) = self.refine(found.map, left, used, (done, total))? {
+                let beyond_doubt = !all
+                    && found.freedom >= SURE_FREEDOM
+                    && (is_plausible(&found) || self.confirms(&found, triple));
+                self.minima.push((found, triple));
+                if beyond_doubt {
+                    return Ok(true);
+                }
+            }
+            done += 1;
+        }
+        Ok(false)
+    }
+
+    /// Whether one of the minima explains the bearings to rounding.
+    pub fn has_exact(&self) -> bool {
+        self.minima
+            .iter()
+            .any(|(found, _)| found.termination == Termination::ZeroResidual)
+    }
+
+    /// Tries single landmarks of the best minimum in other places, as long as that makes it better.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn move_landmarks(&mut self) -> Result<(), Error> {
+        for _ in 0..ROUNDS {
+            let lowest = self
+                .minima
+                .iter()
+                .map(|(found, _)| found)
+                .min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(best) = lowest else { break };
+            if best.freedom == 0 || best.termination == Termination::ZeroResidual {
+                break;
+            }
+            let cost = best.cost;
+            let variance = 2.0 * cost / (best.freedom as f64);
+            let maps = moved_landmarks(self.problem, &best.map, variance);
+            let total = maps.len().min(MOVES);
+            let mut lower = false;
+            for (done, map) in maps.into_iter().take(MOVES).enumerate() {
+                let iterations = self.options.max_iterations.min(MOVED_ITERATIONS);
+                if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
+                    lower |= found.cost < cost * SAME_COST;
+                    self.minima.push((found, usize::MAX));
+                }
+            }
+            if !lower {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The minima, or why there are none.
+    ///
+    /// # Errors
+    /// Those of [`refine_map`] for the last start, when none could be refined.
+    pub fn into_found(self) -> Result<Vec<Reconstruction>, Error> {
+        match self.failure {
+            Some(error) if self.minima.is_empty() => Err(error),
+            _ => Ok(self.minima.into_iter().map(|(found, _)| found).collect()),
+        }
+    }
+
+    /// Refines a map; `None` when it cannot be.
+    fn refine(
+        &mut self,
+        mut map: Map,
+        max_iterations: usize,
+        used: usize,
+        (done, total): (usize, usize),
+    ) -> Result<Option<Reconstruction>, Error> {
+        let options = RefineOptions {
+            max_iterations,
+            ..*self.options
+        };
+        let mut watch = |_, _| tell(self.progress, "refine", done, total);
+        match refine_map(self.problem, &mut map, &options, Some(&mut watch)) {
+            Ok(mut report) => {
+                report.iterations += used;
+                Ok(Some(Reconstruction::new(self.problem, &map, report)))
+            }
+            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+            // A hypothesis that cannot even be refined is none.
+            Err(error) => {
+                self.failure = Some(error);
+                Ok(None)
+            }
+        }
+    }
+}

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! A circle of tensors through the two that fit three views best; the other views find the place on it.
+
+use super::super::grow::{grow, score};
+use super::triples::common_bearings;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::kernels::CalibratedTensor;
+use crate::problem::{Map, Problem};
+use alloc::vec::Vec;
+
+/// Places on a half circle.
+#[derive(Clone, Copy, Debug)]
+pub struct Circle {
+    /// How many.
+    pub places: usize,
+    /// Half of them are within an angle of this tangent from the best tensor; 1 spreads them evenly.
+    pub width: f64,
+}
+
+impl Circle {
+    /// For four landmarks, which all tensors of the circle fit equally well.
+    pub const WHOLE: Self = Self {
+        places: 180,
+        width: 1.0,
+    };
+    /// For more landmarks, whose noise moves the best tensor along the circle first of all.
+    pub const AROUND_BEST: Self = Self {
+        places: 40,
+        width: 0.5,
+    };
+}
+
+/// A map and its score.
+pub type Scored = (f64, Map);
+
+/// Maps from places on the circle of tensors `cos f Ta + sin f Tb` of a triple of views, (T17): the local
+/// minima of the score along the circle.
+///
+/// Ta and Tb are the singular vectors of the calibrated system with the smallest singular values: its
+/// null space for four landmarks, its weakest directions for more. The negative of a tensor is the same
+/// tensor, so a half circle is enough. For each f the motion is closed form; growing the map to the
+/// other views scores it.
+pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<Scored> {
+    let (triples, _) = common_bearings(problem, views);
+    let basis = CalibratedTensor::null_pair(&triples);
+    // One tensor after the other along the circle, both branches of each.
+    let mut scored: [Vec<Scored>; 2] = [Vec::new(), Vec::new()];
+    for place in 0..circle.places {
+        let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
+        let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
+        let motions = CalibratedTensor::combine(&basis, cos, sin * circle.width).motions(&triples);
+        for (branch, scored) in scored.iter_mut().enumerate() {
+            let mut map = Map::empty(problem.views(), problem.landmarks());
+            if let Ok(motions) = &motions {
+                for (&view, pose) in views.iter().zip(motions[branch].poses) {
+                    map.poses[view] = Some(pose);
+                }
+                grow(problem, &mut map);
+            }
+            scored.push((score(problem, &map), map));
+        }
+    }
+    let mut found = Vec::new();
+    for scored in scored {
+        let count = scored.len();
+        let value = |place: usize| scored[place % count].0;
+        let minima: Vec<bool> = (0..count)
+            .map(|place| {
+                value(place) <= value(place + count - 1) && value(place) <= value(place + 1)
+            })
+            .collect();
+        let kept = scored
+            .into_iter()
+            .zip(minima)
+            .filter(|(_, minimum)| *minimum);
+        found.extend(kept.map(|(scored, _)| scored));
+    }
+    found
+}

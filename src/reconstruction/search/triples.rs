@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Triples of views that share landmarks.
+
+use crate::kernels::{Motion, Triple};
+use crate::problem::Problem;
+use alloc::collections::BTreeSet;
+use alloc::vec;
+use alloc::vec::Vec;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Views up to which all triples are listed; beyond, they are drawn.
+const LISTED_VIEWS: usize = 40;
+
+/// Draws per triple wanted when they are not listed.
+const DRAWS: usize = 50;
+
+/// Bit sets of the landmarks that each view sees, for the views and landmarks that take part.
+struct Sight {
+    /// The views that see at least as many landmarks as are needed.
+    views: Vec<usize>,
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl Sight {
+    fn new(problem: &Problem, needed: usize) -> Self {
+        let views: Vec<usize> = (0..problem.views())
+            .filter(|&view| problem.of_view(view).len() >= needed)
+            .collect();
+        // Landmarks numbered anew: indices may have gaps.
+        let mut number = vec![0; problem.landmarks()];
+        let mut count = 0;
+        for (landmark, number) in number.iter_mut().enumerate() {
+            *number = count;
+            count += usize::from(problem.of_landmark(landmark).len() >= 3);
+        }
+        let words = count.div_ceil(64).max(1);
+        let mut bits = vec![0_u64; words * views.len()];
+        for (slot, &view) in views.iter().enumerate() {
+            for s in problem.of_view(view) {
+                if problem.of_landmark(s.landmark).len() >= 3 {
+                    let bit = number[s.landmark];
+                    bits[slot * words + bit / 64] |= 1 << (bit % 64);
+                }
+            }
+        }
+        Self { views, words, bits }
+    }
+
+    /// How many landmarks three views see, by their place in the list.
+    fn common(&self, slots: [usize; 3]) -> usize {
+        let [a, b, c] = slots.map(|v| &self.bits[v * self.words..(v + 1) * self.words]);
+        a.iter()
+            .zip(b)
+            .zip(c)
+            .map(|((a, b), c)| (a & b & c).count_ones() as usize)
+            .sum()
+    }
+
+    /// All triples of the first `views` in the list.
+    fn triples(&self, views: usize) -> impl Iterator<Item = [usize; 3]> {
+        let views = views.min(self.views.len());
+        (0..views).flat_map(move |i| {
+            (i + 1..views).flat_map(move |j| (j + 1..views).map(move |k| [i, j, k]))
+        })
+    }
+}
+
+/// The most landmarks that any three views share, among the first few dozen views.
+pub fn most_shared(problem: &Problem) -> usize {
+    let sight = Sight::new(problem, 1);
+    let all = sight.triples(LISTED_VIEWS).map(|slots| sight.common(slots));
+    all.max().unwrap_or(0)
+}
+
+/// Up to `count` different triples of views that share at least `needed` landmarks, in random order.
+pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[usize; 3]> {
+    let sight = Sight::new(problem, needed);
+    let views = sight.views.len();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut triples: Vec<[usize; 3]> = Vec::new();
+    if views <= LISTED_VIEWS {
+        let all = sight.triples(views);
+        triples.extend(all.filter(|&slots| sight.common(slots) >= needed));
+        // The first `count` places of a random permutation.
+        for place in 0..count.min(triples.len()) {
+            let other = random.random_range(place..triples.len());
+            triples.swap(place, other);
+        }
+        triples.truncate(count);
+    } else {
+        // A view, a landmark that it sees, two other views that see it too.
+        let mut slot = vec![usize::MAX; problem.views()];
+        for (place, &view) in sight.views.iter().enumerate() {
+            slot[view] = place;
+        }
+        let mut known = BTreeSet::new();
+        for _ in 0..DRAWS * count {
+            let seen = problem.of_view(sight.views[random.random_range(0..views)]);
+            let first = seen[random.random_range(0..seen.len())];
+            let others = problem.of_landmark(first.landmark);
+            let mut other = || {
+                let k = others[random.random_range(0..others.len())];
+                slot[problem.sightings()[k].view]
+            };
+            let mut triple = [slot[first.view], other(), other()];
+            triple.sort_unstable();
+            let [i, j, k] = triple;
+            if i < j
+                && j < k
+                && k < usize::MAX
+                && sight.common(triple) >= needed
+                && known.insert(triple)
+            {
+                triples.push(triple);
+                if triples.len() == count {
+                    break;
+                }
+            }
+        }
+    }
+    triples
+        .into_iter()
+        .map(|slots| slots.map(|slot| sight.views[slot]))
+        .collect()
+}
+
+/// The bearings of the landmarks that three views share, and which these are.
+pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>>, Vec<usize>) {
+    let [first, second, third] = views.map(|view| problem.of_view(view));
+    let (mut j, mut k) = (0, 0);
+    let mut triples = Vec::with_capacity(first.len());
+    let mut landmarks = Vec::with_capacity(first.len());
+    for s in first {
+        while j < second.len() && second[j].landmark < s.landmark {
+            j += 1;
+        }
+        while k < third.len() && third[k].landmark < s.landmark {
+            k += 1;
+        }
+        if let (Some(t), Some(u)) = (second.get(j), third.get(k))
+            && t.landmark == s.landmark
+            && u.landmark == s.landmark
+        {
+            triples.push([s.bearing, t.bearing, u.bearing]);
+            landmarks.push(s.landmark);
+        }
+    }
+    (triples, landmarks)
+}
+
+/// Whether the second of two motions may be the right one: it leaves hardly more bearings that point away
+/// than the first, or bearings are lines and their signs tell nothing.
+pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) -> bool {
+    let [first, second] = motions;
+    let margin = 1 + shared / 8;
+    !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin
+}

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Which path suits how much the views see, and what becomes of several maps.
+
+use super::grow::resect_view;
+use super::options::{Progress, SolveOptions, Strategy};
+use super::result::Reconstruction;
+use super::search::hypotheses::{self, MIN_SHARED};
+use super::{global, incremental};
+use crate::error::Error;
+use crate::problem::{Map, Problem, Subject, Why};
+use alloc::vec::Vec;
+
+/// Parts of the rule of [`is_limited`].
+const MANY_VIEWS: usize = 40;
+const FEW_VIEWS: usize = 8;
+const FILLED: f64 = 0.6;
+
+/// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
+/// the landmarks on average.
+///
+/// A triple of views then knows little of the whole, and a map that is grown from it without refinement
+/// in between drifts. Views and landmarks without sightings do not count.
+fn is_limited(problem: &Problem) -> bool {
+    let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
+    let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
+    let (views, landmarks) = (views.count(), landmarks.count());
+    let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
+    views > MANY_VIEWS || (views >= FEW_VIEWS && filled < FILLED)
+}
+
+/// The strategy that is effective: the search gives way to growth under limited sight.
+fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
+    match strategy {
+        Strategy::Search(_) if is_limited(problem) => Strategy::Incremental,
+        other => other,
+    }
+}
+
+/// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
+/// everything sees nearly everything, or no three views share five landmarks.
+///
+/// # Errors
+/// As [`solve`](super::solve).
+pub fn maps(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Reconstruction>, Error> {
+    let SolveOptions { refine, seed, .. } = options;
+    match effective(problem, options.strategy) {
+        Strategy::Incremental => incremental::grow(problem, refine, *seed, progress),
+        Strategy::Global => {
+            let starts = global::starts(problem, *seed, progress)?;
+            incremental::finish_all(problem, refine, starts, progress)
+        }
+        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(Vec::new()),
+    }
+}
+
+/// A first map; `None` where the other paths are to be taken.
+///
+/// # Errors
+/// As [`initialize`](super::initialize).
+pub fn first_map(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Map>, Error> {
+    let SolveOptions { refine, seed, .. } = options;
+    match effective(problem, options.strategy) {
+        Strategy::Incremental => incremental::first(problem, refine, *seed, progress),
+        Strategy::Global => {
+            let starts = global::starts(problem, *seed, progress)?;
+            Ok(starts.into_iter().next())
+        }
+        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(None),
+    }
+}
+
+/// Why growth and the global method have found no map.
+pub fn no_map(problem: &Problem) -> Error {
+    match hypotheses::too_few(problem, MIN_SHARED) {
+        Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
+            quantity: "number of maps with a sighting to spare",
+            value: 0.0,
+            bound: 1.0,
+        },
+        error => error,
+    }
+}
+
+/// The largest map with the others as its components; `None` of none.
+///
+/// What has a place in any of them is not undetermined. The others list only their landmarks at
+/// infinity.
+pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
+    let mut maps = maps.into_iter();
+    let mut main = maps.next()?;
+    main.components = maps.collect();
+    let others = &main.components;
+    main.undetermined.retain(|undetermined| {
+        others.iter().all(|other| match undetermined.subject {
+            Subject::View(view) => other.map.poses[view].is_none(),
+            Subject::Landmark(landmark) => other.map.landmarks[landmark].is_none(),
+        })
+    });
+    for undetermined in &mut main.undetermined {
+        if let (Subject::View(view), Why::Degenerate) = (undetermined.subject, undetermined.why)
+            && resect_view(problem, &main.map, view).is_some()
+        {
+            undetermined.why = Why::Misfit;
+        }
+    }
+    for other in &mut main.components {
+        // A landmark at infinity is part of the map all the same; what it never had is none of its
+        // business.
+        other
+            .undetermined
+            .retain(|undetermined| undetermined.why == Why::AtInfinity);
+    }
+    Some(main)
+}

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How well a map is known: covariances, sensitivity, weak directions, leverage.
+
+mod covariance;
+mod frame;
+mod leverage;
+mod sensitivity;
+mod variances;
+mod weak_directions;
+
+pub use covariance::{Covariance, covariance};
+pub use frame::Frame;
+pub(crate) use leverage::Influence;
+pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
+pub(crate) use variances::aligned_variances;
+pub(crate) use weak_directions::{Loose, loose_directions};

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Covariances of poses and landmarks, in a stated gauge.
+
+use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
+use super::weak_directions::free_of;
+use crate::adjustment::Watch;
+use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::gauge::{Held, free_directions};
+use crate::adjustment::normal::Normal;
+use crate::error::Error;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem, Subject};
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, Matrix2, Matrix3};
+
+/// Covariances of what a map determines.
+///
+/// They are those of the estimate for the standard deviations that the problem states, to first order. An
+/// infinite variance (and NaN beside the diagonal) is that of something that moves in a direction that
+/// nothing holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covariance {
+    /// In which frame.
+    pub frame: Frame,
+    /// Of each pose (x, y, heading \[rad\]), in the axes of the map.
+    pub poses: Vec<Option<Matrix3<f64>>>,
+    /// Of each landmark (x, y).
+    pub landmarks: Vec<Option<Matrix2<f64>>>,
+    /// Directions that nothing holds, beyond the gauge.
+    pub free: usize,
+}
+
+/// Columns of the inverse that are solved for at a time.
+const BATCH: usize = 64;
+
+/// Directions beyond the gauge that are looked for; a map with more is all but undetermined.
+const LOOKED_FOR: usize = 12;
+
+/// Share of a free direction's largest movement below which a subject stands still in it.
+const STANDS: f64 = 1e-6;
+
+/// Covariances of poses and landmarks of a refined map, (T27).
+///
+/// The sparse normal equations are factorised with anchors that hold the gauge, and their inverse, column by
+/// column, is brought into the frame by an S-transformation. A rank-deficient problem is none to fail at:
+/// what a free direction moves has infinite variance, the rest its own.
+///
+/// # Errors
+/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
+/// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
+/// not hold the equations; [`Error::Interrupted`] when `watch`, called with the columns
+/// done and their number, says so.
+///
+/// # Example
+/// ```
+/// use bearslam::{
+///     Arena, Frame, Layout, Loss, Problem, SolveOptions, covariance, simulate, solve,
+/// };
+/// let noise = 0.01;
+/// let scene = simulate(Layout::Enclosed, 8, 11, noise, 5, Arena::default())?;
+/// let problem = Problem::dense(8, 11, &scene.bearings, noise)?;
+/// let found = solve(&problem, &SolveOptions::default(), None)?;
+/// let covariance = covariance(&problem, &found.map, Loss::Squared, Frame::FirstView, None)?;
+/// // The first view is what the others are seen from.
+/// assert!(covariance.poses[0].unwrap().norm() < 1e-12);
+/// assert!(covariance.landmarks[3].unwrap().trace() > 0.0);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+///
+/// # Reference
+/// W. Baarda, "S-transformations and criterion matrices", 1973; Triggs et al. 2000, section 9.
+pub fn covariance(
+    problem: &Problem,
+    map: &Map,
+    loss: Loss,
+    frame: Frame,
+    mut watch: Option<Watch<'_>>,
+) -> Result<Covariance, Error> {
+    map.check_size(problem)?;
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return Err(Error::TooFew {
+            what: "views of the map",
+            needed: 1,
+            got: 0,
+        });
+    }
+    let mut rows = Rows::of(&active);
+    bundle.linearize(&active, loss, &mut rows);
+    let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
+    let gauge = free_directions(&active, &bundle);
+    if frame == Frame::Priors && !gauge.is_empty() {
+        return Err(Error::Degenerate {
+            quantity: "number of directions of the whole that odometry and priors leave free",
+            value: gauge.len() as f64,
+            bound: 0.0,
+        });
+    }
+    let singular = Error::Degenerate {
+        quantity: "pivot of the normal equations",
+        value: 0.0,
+        bound: f64::EPSILON,
+    };
+    let free = free_of(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
+    normal.assemble(&rows, &gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return Err(singular);
+    }
+    let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
+    let (views, landmarks) = (active.views(), active.landmarks());
+    let subjects = (0..views)
+        .map(Subject::View)
+        .chain((0..landmarks).map(Subject::Landmark));
+    let blocks: Vec<(usize, usize)> = subjects
+        .map(|subject| match subject {
+            Subject::View(view) => (3 * view, 3),
+            Subject::Landmark(landmark) => (3 * views + 2 * landmark, 2),
+        })
+        .collect();
+    let size = normal.size();
+    let mut found = Vec::with_capacity(blocks.len());
+    let mut columns = Vec::new();
+    for batch in blocks.chunks(BATCH / 2) {
+        if let Some(watch) = &mut watch
+            && !watch(found.len(), blocks.len() as f64)
+        {
+            return Err(Error::Interrupted);
+        }
+        let count: usize = batch.iter().map(|(_, width)| width).sum();
+        columns.clear();
+        columns.resize(count * size, 0.0);
+        let first = batch[0].0;
+        for column in 0..count {
+            columns[column * size + first + column] = 1.0;
+        }
+        normal.solve(&mut columns);
+        for &(parameter, width) in batch {
+            let raw = DMatrix::from_fn(width, width, |i, j| {
+                columns[(parameter - first + j) * size + parameter + i]
+            });
+            found.push(transformation.apply(parameter, &raw));
+        }
+    }
+    let mut found = found.into_iter();
+    Ok(Covariance {
+        frame,
+        poses: map
+            .poses
+            .iter()
+            .map(|pose| pose.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| b[(i, j)])))
+            .collect(),
+        landmarks: map
+            .landmarks
+            .iter()
+            .map(|point| point.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| b[(i, j)])))
+            .collect(),
+        free: free.len(),
+    })
+}
+
+/// `S = 1 - E (C^T E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the
+/// constraints C.
+struct Transformation {
+    /// E times `(C^T E)^-1`.
+    lift: DMatrix<f64>,
+    /// The inverse times C.
+    spread: DMatrix<f64>,
+    /// `C^T` times that.
+    core: DMatrix<f64>,
+    free: Vec<Vec<f64>>,
+}
+
+impl Transformation {
+    fn new(
+        normal: &Normal<'_>,
+        problem: &Problem,
+        bundle: &Bundle,
+        gauge: &[Vec<f64>],
+        free: &[Vec<f64>],
+        frame: Frame,
+    ) -> Self {
+        let size = normal.size();
+        let views = problem.views();
+        let mut constraints = match frame {
+            Frame::FirstView => Held::of(problem).constraints(bundle),
+            Frame::FreeNetwork | Frame::Priors => Vec::new(),
+        };
+        // Priors that fix part of a position leave no frame of a view.
+        if constraints.len() != gauge.len() {
+            constraints = inner_constraints(gauge, views);
+        }
+        let free = in_frame(gauge, &constraints, free);
+        // Along what is free for other reasons, in units of standard deviations.
+        let weighted = free.iter().map(|direction| {
+            let entries = direction.iter().enumerate();
+            entries
+                .map(|(parameter, entry)| entry * normal.diagonal(parameter))
+                .collect()
+        });
+        constraints.extend(weighted);
+        let directions: Vec<&Vec<f64>> = gauge.iter().chain(&free).collect();
+        let count = directions.len();
+        let e = DMatrix::from_fn(size, count, |i, j| directions[j][i]);
+        let c = DMatrix::from_fn(size, count, |i, j| constraints[j][i]);
+        let mut spread = c.clone();
+        if count > 0 {
+            normal.solve(spread.as_mut_slice());
+        }
+        Self {
+            lift: &e * inverse(c.transpose() * &e),
+            core: c.transpose() * &spread,
+            spread,
+            free,
+        }
+    }
+
+    /// The block of one subject in the frame, from that of the inverse.
+    fn apply(&self, parameter: usize, raw: &DMatrix<f64>) -> DMatrix<f64> {
+        let width = raw.nrows();
+        let lift = self.lift.rows(parameter, width);
+        let cross = lift * self.spread.rows(parameter, width).transpose();
+        let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
+        let mut block = (&full + full.transpose()) * 0.5;
+        for k in 0..width {
+            // What the frame holds has rounding for a variance, of either sign.
+            if block[(k, k)] < 0.0 {
+                block.row_mut(k).fill(0.0);
+                block.column_mut(k).fill(0.0);
+            }
+        }
+        for direction in &self.free {
+            let largest = direction.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+            for k in 0..width {
+                if direction[parameter + k].abs() > STANDS * largest {
+                    block.row_mut(k).fill(f64::NAN);
+                    block.column_mut(k).fill(f64::NAN);
+                    block[(k, k)] = f64::INFINITY;
+                }
+            }
+        }
+        block
+    }
+}

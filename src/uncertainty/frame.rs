@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What is held fixed while the rest varies, and directions brought into that frame.
+
+use alloc::vec::Vec;
+use nalgebra::{DMatrix, DVector};
+
+/// What is held fixed while the rest varies: a covariance means nothing without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// The frame in which maps are reported: of what odometry and priors leave free, the first determined
+    /// view and the root mean square distance of the other views from it are held.
+    FirstView,
+    /// Of what odometry and priors leave free, nothing moves on the whole: the covariance after the map has
+    /// been laid over the truth by all its positions. The sum of position variances is the least possible.
+    FreeNetwork,
+    /// What odometry and priors fix; they must leave nothing free.
+    Priors,
+}
+
+impl Frame {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::FirstView, Self::FreeNetwork, Self::Priors];
+
+    /// The name of the variant in lower case with underscores.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FirstView => "first_view",
+            Self::FreeNetwork => "free_network",
+            Self::Priors => "priors",
+        }
+    }
+}
+
+/// Damping that makes a singular matrix one that can be factorised.
+pub const LIFT: f64 = 1e-13;
+
+/// The inverse of a small matrix; where it has none, that of what has.
+pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
+    let (rows, columns) = matrix.shape();
+    let nothing = DMatrix::zeros(columns, rows);
+    if matrix.is_empty() {
+        return nothing;
+    }
+    let decomposed = matrix.svd(true, true);
+    let bound = decomposed.singular_values.amax() * SINGULAR;
+    decomposed.pseudo_inverse(bound).unwrap_or(nothing)
+}
+
+/// Share of the largest singular value that counts as none.
+const SINGULAR: f64 = 1e-12;
+
+/// The constraints under which positions do not move on the whole along the gauge.
+pub fn inner_constraints(gauge: &[Vec<f64>], views: usize) -> Vec<Vec<f64>> {
+    let is_position = |parameter: usize| parameter >= 3 * views || parameter % 3 < 2;
+    let inner = |direction: &Vec<f64>| {
+        let entries = direction.iter().enumerate();
+        entries
+            .map(|(parameter, entry)| if is_position(parameter) { *entry } else { 0.0 })
+            .collect()
+    };
+    gauge.iter().map(inner).collect()
+}
+
+/// Directions moved along the gauge until they obey its constraints.
+pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let count = gauge.len();
+    let solver = inverse(DMatrix::from_fn(count, count, |i, j| {
+        dot(&constraints[i], &gauge[j])
+    }));
+    let framed = |direction: &Vec<f64>| {
+        let violation = DVector::from_fn(count, |i, _| dot(&constraints[i], direction));
+        let step = &solver * violation;
+        let mut direction = direction.clone();
+        for (along, part) in gauge.iter().zip(step.iter()) {
+            for (entry, by) in direction.iter_mut().zip(along) {
+                *entry -= part * by;
+            }
+        }
+        direction
+    };
+    free.iter().map(framed).collect()
+}

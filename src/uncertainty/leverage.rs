@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What becomes of a refined map when a sighting is added or left out, to first order.
+
+use super::variances::add_product;
+use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::cholesky;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+
+/// Most numbers that are kept, sightings times parameters: eight megabytes, a few milliseconds.
+const MAX_NUMBERS: usize = 1 << 20;
+
+/// The rows of the Jacobian, whitened by the normal equations of the sightings that made the map.
+///
+/// With `J` the row of a sighting and `H` the normal matrix, inner products of two of these vectors are
+/// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T29).
+pub struct Influence {
+    size: usize,
+    /// For each sighting its vector; zeros where the map does not reach it.
+    rows: Vec<f64>,
+    /// Residual over sigma of each sighting that the map reaches.
+    pub residuals: Vec<Option<f64>>,
+}
+
+impl Influence {
+    /// The influence of all sightings of a problem on a map that has been refined to those `kept`.
+    ///
+    /// `None` when there are too many, or those that are kept do not hold the map.
+    pub fn new(problem: &Problem, map: &Map, kept: &[bool]) -> Option<Self> {
+        let reached: Vec<usize> = (0..kept.len())
+            .filter(|&k| {
+                let s = &problem.sightings()[k];
+                map.poses[s.view].is_some() && map.landmarks[s.landmark].is_some()
+            })
+            .collect();
+        let active = map.restrict(problem);
+        let bundle = Bundle::from_map(map);
+        let views = bundle.poses.len();
+        let size = 3 * views + 2 * bundle.landmarks.len();
+        if size.saturating_mul(kept.len().max(size)) > MAX_NUMBERS {
+            return None;
+        }
+        let mut linearized = Rows::of(&active);
+        bundle.linearize(&active, Loss::Squared, &mut linearized);
+        let mut rows = vec![0.0; size * kept.len()];
+        let mut residuals = vec![None; kept.len()];
+        let mut matrix = vec![0.0; size * size];
+        for ((s, row), &k) in active
+            .sightings()
+            .iter()
+            .zip(&linearized.sightings)
+            .zip(&reached)
+        {
+            let (p, x) = (3 * s.view, 3 * views + 2 * s.landmark);
+            let ([dx, dy, turn], [gx, gy]) = (row.pose(), row.landmark());
+            let (places, entries) = ([p, p + 1, p + 2, x, x + 1], [dx, dy, turn, gx, gy]);
+            if kept[k] {
+                add_product(&mut matrix, size, &places, &entries);
+            }
+            for (place, entry) in places.into_iter().zip(entries) {
+                rows[k * size + place] = entry;
+            }
+            residuals[k] = Some(row.residual);
+        }
+        // The gauge must not make it singular, and no bearing depends on it.
+        for k in 0..size {
+            matrix[k * size + k] *= 1.0 + f64::EPSILON.sqrt();
+        }
+        if !cholesky::factorize(&mut matrix, size) {
+            return None;
+        }
+        for (s, &k) in active.sightings().iter().zip(&reached) {
+            cholesky::whiten(&matrix, &mut rows[k * size..][..size], 3 * s.view);
+        }
+        Some(Self {
+            size,
+            rows,
+            residuals,
+        })
+    }
+
+    /// `J_k H^-1 J_l^T`; with itself the leverage of a sighting.
+    pub fn between(&self, k: usize, l: usize) -> f64 {
+        let row = |k: usize| &self.rows[k * self.size..][..self.size];
+        cholesky::dot(row(k), row(l))
+    }
+}

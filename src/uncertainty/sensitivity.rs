@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How far the bearings hold a map.
+
+use super::weak_directions::{Weak, weakest};
+use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::gauge::free_directions;
+use crate::adjustment::linearized::{Linearized, gauge, keeps_landmarks, kept_positions};
+use crate::adjustment::normal::Normal;
+use crate::adjustment::refine::is_sparse;
+use crate::adjustment::schur::{Grouped, Schur};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::points::spread;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem, Subject};
+use alloc::vec::Vec;
+use nalgebra::{Matrix2, Vector2};
+
+/// How sensitive a refined map is to noise in the direction that the bearings hold least: the
+/// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
+/// position of a single view, where that is more.
+///
+/// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
+/// the number is rounding itself.
+pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
+    let restricted;
+    let active = if map.is_complete() {
+        problem
+    } else {
+        restricted = map.restrict(problem);
+        &restricted
+    };
+    let bundle = Bundle::from_map(map);
+    if is_sparse(active) {
+        weakest_of_all(&bundle, active)
+    } else if keeps_landmarks(active) {
+        weakest_kept::<3, 2>(&bundle, active)
+    } else {
+        weakest_kept::<2, 3>(&bundle, active)
+    }
+}
+
+/// A sighting over less than this part of the map's size ties two places together but tells nothing
+/// else; its huge weight would only drown the rest.
+const TOUCHING: f64 = 1e-4;
+
+/// Of the views, by the sparse equations.
+fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
+    let places = kept_positions::<3>(bundle);
+    let size = spread(&places);
+    let rows = without_touching(bundle, problem, size, places.len());
+    let Some(mut normal) = Normal::new(problem) else {
+        return f64::NAN;
+    };
+    normal.assemble(&rows, &free_directions(problem, bundle));
+    if !normal.factorize(0.0) {
+        return f64::INFINITY;
+    }
+    let square = |weak: &Weak| {
+        let views = weak.direction.chunks_exact(3).take(places.len());
+        views
+            .map(|step| step[0] * step[0] + step[1] * step[1])
+            .sum::<f64>()
+    };
+    // Landmarks that are hardly held may be weaker than what moves the views.
+    let found = weakest(&normal, LOOKED_AT);
+    let largest = found.iter().map(square).fold(0.0, f64::max);
+    (largest / size).sqrt()
+}
+
+/// Weak directions among which the one that moves the views most is chosen.
+const LOOKED_AT: usize = 8;
+
+/// The problem linearised, without sightings over next to no distance.
+fn without_touching(bundle: &Bundle, problem: &Problem, size: f64, count: usize) -> Rows {
+    let mut rows = Rows::of(problem);
+    bundle.linearize(problem, Loss::Squared, &mut rows);
+    let limit = (count as f64 / (TOUCHING * TOUCHING)) / size;
+    for row in &mut rows.sightings {
+        if row.gradient.norm_squared() > limit * row.weight * row.weight {
+            row.gradient = Vector2::zeros();
+            row.weight = 0.0;
+        }
+    }
+    rows
+}
+
+fn weakest_kept<const E: usize, const K: usize>(bundle: &Bundle, problem: &Problem) -> f64
+where
+    for<'x> Linearized<'x>: Grouped<E, K>,
+{
+    let points = kept_positions::<K>(bundle);
+    let size = spread(&points);
+    let rows = without_touching(bundle, problem, size, points.len());
+    let linearized = Linearized {
+        problem,
+        rows: &rows.sightings,
+    };
+    let mut schur = Schur::<E, K>::new();
+    if !schur.factorize(&linearized, 0.0, &gauge::<K>(bundle)) {
+        return f64::INFINITY;
+    }
+    let direction = schur.weakest_direction();
+    let square = |block: &[f64]| block[0] * block[0] + block[1] * block[1];
+    let spread = direction
+        .chunks_exact(K)
+        .fold(0.0, |sum, block| sum + square(block));
+    // A view that the landmarks do not hold, though they are held themselves. Landmarks that views do
+    // not hold are found one by one (`unbounded_landmarks`).
+    let mean = size / (points.len() as f64);
+    let loosest = if E == 3 {
+        schur.loosest_block() / mean
+    } else {
+        0.0
+    };
+    (spread / size).max(loosest).sqrt()
+}
+
+/// The landmarks of a refined map of which only the direction is known: with the views held fixed, the
+/// predicted standard deviation of their range exceeds the range itself. Their rays are parallel
+/// within their noise, and where along them the refinement has stopped means nothing.
+///
+/// `variance` is that of the residuals over sigma.
+pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<usize> {
+    let mut found = Vec::new();
+    let known = |landmark: usize| {
+        let subject = Some(Subject::Landmark(landmark));
+        problem
+            .ties()
+            .iter()
+            .any(|tie| tie.subjects()[0] == subject)
+    };
+    for (landmark, point) in map.landmarks.iter().enumerate() {
+        let Some(point) = point else { continue };
+        let mut information = Matrix2::zeros();
+        for &k in problem.of_landmark(landmark) {
+            let s = &problem.sightings()[k];
+            let Some(pose) = map.poses[s.view] else {
+                continue;
+            };
+            let offset = point.coords - pose.translation.vector;
+            let square = offset.norm_squared();
+            // Times the distance: information about the position in units of the range.
+            let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / square.sqrt());
+            information += gradient * gradient.transpose();
+        }
+        // The smaller eigenvalue, in a narrow bundle.
+        let trace = information.trace();
+        let determinant = information.determinant().max(0.0);
+        let held = determinant / trace;
+        if trace > 0.0 && held < variance && !known(landmark) {
+            found.push(landmark);
+        }
+    }
+    found
+}

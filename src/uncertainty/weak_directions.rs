@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The directions in which the sparse normal equations hold a map least.
+
+use super::frame::{LIFT, in_frame, inner_constraints};
+use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::gauge::free_directions;
+use crate::adjustment::linearized::kept_positions;
+use crate::adjustment::normal::Normal;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::points::spread;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem, Subject};
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::DMatrix;
+
+/// A direction, one standard deviation long for residuals of unit variance, and its gain: the variance of
+/// the parameters in it over what it would be if each were alone.
+pub struct Weak {
+    pub direction: Vec<f64>,
+    pub gain: f64,
+}
+
+/// Gain beyond which a direction is free: what is left of the information is rounding.
+const FREE: f64 = 1e11;
+
+/// Steps of the iteration; sizes are wanted to a few percent.
+const STEPS: usize = 8;
+
+/// The directions that nothing holds, at most `count`.
+///
+/// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
+/// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
+/// with these weights.
+pub fn free_of(
+    normal: &mut Normal<'_>,
+    rows: &Rows,
+    gauge: &[Vec<f64>],
+    count: usize,
+) -> Option<Vec<Vec<f64>>> {
+    let mut balanced = rows.clone();
+    let squares = rows.sightings.iter().map(|row| row.gradient.norm_squared());
+    let mean = squares.sum::<f64>() / rows.sightings.len().max(1) as f64;
+    let typical = (if mean > 0.0 { mean } else { 1.0 }).sqrt();
+    for tie in &mut balanced.ties {
+        for k in 0..3 {
+            let both = [Some(tie.first), tie.second].into_iter().flatten();
+            let square = both.fold(0.0, |sum, (_, jacobian)| {
+                jacobian[k]
+                    .iter()
+                    .fold(sum, |sum, entry| sum + *entry * *entry)
+            });
+            if square > 0.0 {
+                let factor = typical / square.sqrt();
+                tie.first.1[k] = tie.first.1[k].map(|entry| entry * factor);
+                if let Some((_, jacobian)) = &mut tie.second {
+                    jacobian[k] = jacobian[k].map(|entry| entry * factor);
+                }
+            }
+        }
+    }
+    normal.assemble(&balanced, gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return None;
+    }
+    let found = weakest(normal, count).into_iter();
+    let free = found.filter(|weak| !(weak.gain < FREE));
+    Some(free.map(|weak| weak.direction).collect())
+}
+
+/// The `count` weakest directions, the weakest first.
+///
+/// (T16) for a sparse matrix: inverse iteration on a few vectors at once, with the parameters in units of
+/// their conditional standard deviations. Needs [`Normal::factorize`].
+pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Weak> {
+    let size = normal.size();
+    let count = count.min(size);
+    let units: Vec<f64> = (0..size)
+        .map(|parameter| normal.diagonal(parameter).sqrt())
+        .collect();
+    // Any vectors that no symmetry of the problem shares.
+    let mut basis = DMatrix::from_fn(size, count, |k, j| {
+        1.0 + 0.37 * (((7 * k + 3 + (5 * k + 1) * j) % (11 + 2 * j)) as f64)
+    });
+    let mut gains = vec![0.0; count];
+    for _ in 0..STEPS {
+        let orthogonal = basis.qr().q();
+        let mut next = orthogonal.clone();
+        for (k, unit) in units.iter().enumerate() {
+            next.row_mut(k).scale_mut(*unit);
+        }
+        normal.solve(next.as_mut_slice());
+        for (k, unit) in units.iter().enumerate() {
+            next.row_mut(k).scale_mut(*unit);
+        }
+        // The small problem in the space that they span.
+        let small = orthogonal.transpose() * &next;
+        let eigen = ((&small + small.transpose()) * 0.5).symmetric_eigen();
+        let mut order: Vec<usize> = (0..count).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        gains = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
+        let turned = DMatrix::from_fn(count, count, |i, j| eigen.eigenvectors[(i, order[j])]);
+        basis = next * turned;
+    }
+    (0..count)
+        .map(|k| {
+            let column = basis.column(k);
+            let length = (gains[k].max(0.0)).sqrt() / column.norm();
+            let entries = column.iter().zip(&units);
+            Weak {
+                direction: entries
+                    .map(|(entry, unit)| {
+                        if *unit > 0.0 {
+                            entry * length / unit
+                        } else {
+                            0.0
+                        }
+                    })
+                    .collect(),
+                gain: gains[k],
+            }
+        })
+        .collect()
+}
+
+/// A direction of a map that is held weakly or not at all.
+pub struct Loose {
+    /// Whether nothing holds it, up to rounding.
+    pub free: bool,
+    /// One over the root of the gain: 0 where free, 1 for a parameter that depends on no other.
+    pub held: f64,
+    /// Predicted standard deviation along it for residuals of one sigma, as a share of the size of the views:
+    /// root mean square over all positions, and of the position that moves most.
+    pub deviation: f64,
+    pub largest: f64,
+    /// Who moves, and its share of the squared moves; largest first.
+    pub movers: Vec<(Subject, f64)>,
+}
+
+/// The weakest directions of a map beyond its gauge, whatever ties there are and however large it is.
+///
+/// Along what the gauge leaves open, positions do not move on the whole. `None` when the equations are beyond
+/// the memory or the arithmetic.
+pub fn loose_directions(problem: &Problem, map: &Map, count: usize) -> Option<Vec<Loose>> {
+    let subjects: Vec<Subject> = map.determined().collect();
+    let active = map.restrict(problem);
+    let bundle = Bundle::from_map(map);
+    if bundle.poses.is_empty() {
+        return None;
+    }
+    let mut rows = Rows::of(&active);
+    bundle.linearize(&active, Loss::Squared, &mut rows);
+    let mut normal = Normal::new(&active)?;
+    let gauge = free_directions(&active, &bundle);
+    let free = free_of(&mut normal, &rows, &gauge, count)?;
+    normal.assemble(&rows, &gauge);
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return None;
+    }
+    let places = kept_positions::<3>(&bundle);
+    let size = (spread(&places) / places.len() as f64).sqrt();
+    let inner = inner_constraints(&gauge, places.len());
+    // Those that are free, and the weakest of the others.
+    let others = weakest(&normal, count).into_iter().skip(free.len());
+    let free = free.into_iter().map(|direction| (direction, f64::INFINITY));
+    let all = free.chain(others.map(|weak| (weak.direction, weak.gain)));
+    let found = all.map(|(direction, gain)| {
+        let free = gain == f64::INFINITY;
+        let moved = in_frame(&gauge, &inner, &[direction]);
+        let square = |k: usize| {
+            let place = if k < places.len() {
+                3 * k
+            } else {
+                places.len() + 2 * k
+            };
+            let step = &moved[0][place..place + 2];
+            step[0] * step[0] + step[1] * step[1]
+        };
+        let squares: Vec<f64> = (0..subjects.len()).map(square).collect();
+        let sum: f64 = squares.iter().sum();
+        let most = squares
+            .iter()
+            .fold(0.0, |most: f64, square| most.max(*square));
+        let mut movers: Vec<(Subject, f64)> = subjects
+            .iter()
+            .zip(&squares)
+            .map(|(subject, square)| (*subject, square / sum))
+            .filter(|(_, share)| *share > MOVES)
+            .collect();
+        movers.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let share = |square: f64| {
+            if free {
+                f64::INFINITY
+            } else {
+                square.sqrt() / size
+            }
+        };
+        Loose {
+            free,
+            held: if free {
+                0.0
+            } else {
+                1.0 / gain.max(1.0).sqrt()
+            },
+            deviation: share(sum / subjects.len() as f64),
+            largest: share(most),
+            movers,
+        }
+    });
+    Some(found.collect())
+}
+
+/// Share of the squared moves below which a subject is not listed.
+const MOVES: f64 = 0.01;
