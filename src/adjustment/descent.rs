@@ -134,7 +134,7 @@ impl<'a, 'w> Descent<'a, 'w> {
             if let Some(predicted) = predicted {
                 for landmark in 0..self.trial.landmarks.len() {
                     if system.settles(landmark) {
-                        self.trial.settle_landmark(self.problem, loss, landmark);
+                        self.trial.optimize_landmark(self.problem, loss, landmark);
                     }
                 }
                 let cost = self

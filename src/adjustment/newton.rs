@@ -8,14 +8,14 @@
 //! maps there is a smaller problem with a minimum of its own, (T23): it is tried, and kept
 //! when it is lower and the cost rises from it inwards.
 
-use super::bundle::{Bundle, Row, Rows};
+use super::bundle::{Bundle, Rows};
 use super::cholesky;
 use super::descent::{Descent, Rest, System};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, horizon, spread};
-use crate::lm::Termination;
+use crate::lm::{BearingRow, Termination};
 use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -260,7 +260,7 @@ impl<'a> Newton<'a> {
     }
 
     /// Forms the matrices and the gradient.
-    fn assemble(&mut self, bundle: &Bundle, rows: &[Row]) {
+    fn assemble(&mut self, bundle: &Bundle, rows: &[BearingRow]) {
         let size = self.gradient.len();
         for matrix in [&mut self.normal, &mut self.curved] {
             matrix.resize(size * size, 0.0);

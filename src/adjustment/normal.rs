@@ -5,11 +5,12 @@
 //! is held by anchors: single parameters that are given more weight. As the right-hand side is at right
 //! angles to what is free, they choose the step along it and change nothing else.
 
-use super::bundle::{Bundle, Row, Rows};
+use super::bundle::{Bundle, Rows};
 use super::descent::System;
 use super::gauge::{anchors, free_directions};
 use super::prior_rows::TieRow;
 use super::sparse::SparseCholesky;
+use crate::lm::BearingRow;
 use crate::problem::{Problem, Subject, Tie};
 use crate::scalar::Real;
 use alloc::vec;
@@ -152,7 +153,7 @@ impl<'a> Normal<'a> {
         self.anchors = anchors(free, |parameter| self.diagonal(parameter));
     }
 
-    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &Row) {
+    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &BearingRow) {
         let pose = row.pose().map(f64::as_f64);
         let point = row.landmark().map(f64::as_f64);
         let residual = row.residual;
