@@ -3,8 +3,8 @@
 
 mod align_to_priors;
 pub(crate) mod bundle;
+mod bundle_adjustment;
 pub(crate) mod cholesky;
-mod descent;
 pub(crate) mod gauge;
 pub(crate) mod linearized;
 mod newton;

@@ -6,7 +6,7 @@
 //! angles to what is free, they choose the step along it and change nothing else.
 
 use super::bundle::{Bundle, Rows};
-use super::descent::System;
+use super::bundle_adjustment::StepSolver;
 use super::gauge::{anchors, free_directions};
 use super::prior_rows::TieRow;
 use super::sparse::SparseCholesky;
@@ -255,8 +255,8 @@ impl<'a> Normal<'a> {
     }
 }
 
-impl System for Normal<'_> {
-    fn step(
+impl StepSolver for Normal<'_> {
+    fn solve(
         &mut self,
         bundle: &Bundle,
         rows: &Rows,
@@ -271,7 +271,7 @@ impl System for Normal<'_> {
         let mut delta = core::mem::take(&mut self.delta);
         delta.clear();
         delta.extend(self.gradient.iter().map(|slope| -slope));
-        self.solve(&mut delta);
+        Self::solve(self, &mut delta);
         let mut predicted = 0.0;
         for (parameter, (&d, &slope)) in delta.iter().zip(&self.gradient).enumerate() {
             predicted += d * (damping * self.diagonal(parameter) * d - slope);
@@ -293,7 +293,7 @@ impl System for Normal<'_> {
         predicted.is_finite().then(|| predicted * 0.5)
     }
 
-    fn settles(&self, landmark: usize) -> bool {
+    fn moves_landmark(&self, landmark: usize) -> bool {
         !self.known[landmark]
     }
 }
