@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Sets of points: centroid, spread, extent, horizon.
 
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::Vector2;
 
@@ -59,7 +59,7 @@ pub fn unit<T: Real>(
     match [extent(views), whole].into_iter().find(usable) {
         Some(size) => Ok(power(size)),
         None => Err(Error::Degenerate {
-            quantity: "extent of the start",
+            kind: Degeneracy::CoincidentStart,
             value: whole.as_f64(),
             bound: 0.0,
         }),

@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, scene, truth};
 use bearslam::{
-    Bearing, Branch, Error, FixedMap, Layout, Loss, Map, Pose, Problem, Real, RefineOptions, Scene,
-    Termination, Workspace, pose, refine_map,
+    Bearing, Branch, Degeneracy, Error, FixedMap, Layout, Loss, Map, Pose, Problem, Real,
+    RefineOptions, Scene, Termination, Workspace, pose, refine_map,
 };
 use nalgebra::Point2;
 
@@ -506,7 +506,7 @@ fn wrong_input_is_named_and_changes_nothing() {
     assert!(matches!(
         refuse(&broken),
         Error::Degenerate {
-            quantity: "extent of the start",
+            kind: Degeneracy::CoincidentStart,
             ..
         }
     ));

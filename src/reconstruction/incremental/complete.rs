@@ -63,7 +63,7 @@ fn refined(
     let mut watch = |done, _| tell(progress, "refine", done, total);
     match refine_map(problem, &mut map, options, Some(&mut watch)) {
         Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(None),
     }
 }

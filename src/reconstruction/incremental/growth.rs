@@ -187,7 +187,7 @@ impl<'a> Growth<'a> {
                 self.noise = noise(self.problem, &self.map);
                 Ok(true)
             }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+            Err(error) if error.stops_all() => Err(error),
             Err(_) => Ok(false),
         }
     }

@@ -168,7 +168,7 @@ fn settle(
             }
             Ok(())
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(()),
     }
 }

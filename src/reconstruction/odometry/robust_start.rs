@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn along_odometry(
     problem: &Problem,
     options: &SolveOptions,
@@ -40,7 +40,7 @@ pub fn is_searchable(problem: &Problem) -> bool {
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn from_start(
     problem: &Problem,
     start: &Map,

@@ -45,10 +45,9 @@ pub fn softly(
         ..*options
     };
     // What cannot be refined as a whole may still have a part that can.
-    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
-        refine_map(problem, &mut map, &soft, None)
-    {
-        return Err(error);
+    match refine_map(problem, &mut map, &soft, None) {
+        Err(error) if error.stops_all() => return Err(error),
+        _ => {}
     }
     settle(problem, map, options)
 }

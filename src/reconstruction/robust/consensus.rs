@@ -67,7 +67,7 @@ fn refined(
     };
     match refine_map(problem, map, &options, None) {
         Ok(report) => Ok(Some(report)),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(None),
     }
 }

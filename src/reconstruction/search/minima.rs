@@ -210,7 +210,7 @@ impl<'a, 'p> Minima<'a, 'p> {
                 report.iterations += used;
                 Ok(Some(Reconstruction::new(self.problem, &map, report)))
             }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+            Err(error) if error.stops_all() => Err(error),
             // A hypothesis that cannot even be refined is none.
             Err(error) => {
                 self.failure = Some(error);
