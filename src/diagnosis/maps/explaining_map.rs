@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! A map that explains the bearings, one of many where they leave freedom: evidence for a diagnosis.
 
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::kernels::{Method, three_view};
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
 use crate::reconstruction::judge::same;

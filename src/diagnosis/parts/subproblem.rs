@@ -5,9 +5,10 @@ use super::super::finding::Kind;
 use super::super::shapes::examine::{Examination, examine};
 use super::super::shapes::normalized_map::Figure;
 use super::components::Part;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;

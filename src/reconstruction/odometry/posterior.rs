@@ -13,11 +13,11 @@ use super::super::robust::solve::solve_robust;
 use super::super::strategy;
 use super::growth::anchored;
 use super::robust_start;
-use crate::adjustment::{RefineOptions, fitted, refine_map};
+use crate::adjustment::{fitted, refine_map};
 use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem, Undetermined, Why};
 use alloc::vec::Vec;
 

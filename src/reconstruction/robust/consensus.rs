@@ -7,9 +7,9 @@
 use super::super::judge::same;
 use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
-use crate::adjustment::{RefineOptions, Report, refine_map};
+use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
