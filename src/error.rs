@@ -131,6 +131,14 @@ pub enum Error {
     Threads,
 }
 
+impl Error {
+    /// Whether the whole call ends with this error, where another attempt could follow others:
+    /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+    pub const fn stops_all(&self) -> bool {
+        matches!(self, Self::Interrupted | Self::OutOfMemory)
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps of many views from nothing.
 
+mod attempt;
 pub(crate) mod global;
 pub(crate) mod grow;
 mod incremental;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The end of a growth: a place for everything that has one, and the last refinement.
 
+use super::super::attempt::attempt;
 use super::super::options::{Progress, tell};
 use super::super::result::Reconstruction;
 use super::gates::noise;
 use super::growth::GATES;
 use super::locate;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 
@@ -60,11 +61,8 @@ fn refined(
 ) -> Result<Option<Reconstruction>, Error> {
     let total = options.max_iterations;
     let mut watch = |done, _| tell(progress, "refine", done, total);
-    match refine_map(problem, &mut map, options, Some(&mut watch)) {
-        Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
-        Err(_) => Ok(None),
-    }
+    let report = attempt(problem, &mut map, options, Some(&mut watch))?;
+    Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 
 /// Puts in everything that the gates have kept out and that has a place at all, for the last

@@ -5,10 +5,11 @@
 //! and refines. What does not fit waits for a later round, when the map is better; when nothing else
 //! is left the gates open wider.
 
+use super::super::attempt::attempt;
 use super::super::options::{Progress, tell};
 use super::gates::{Fit, noise, range_variance};
 use super::locate;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -181,14 +182,11 @@ impl<'a> Growth<'a> {
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
         let mut watch = |_, _| tell(progress, "grow", reached, total);
-        match refine_map(self.problem, &mut self.map, &self.options, Some(&mut watch)) {
-            Ok(_) => {
-                self.noise = noise(self.problem, &self.map);
-                Ok(true)
-            }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
-            Err(_) => Ok(false),
+        let report = attempt(self.problem, &mut self.map, &self.options, Some(&mut watch))?;
+        if report.is_some() {
+            self.noise = noise(self.problem, &self.map);
         }
+        Ok(report.is_some())
     }
 
     /// Finds other places for what does not fit, or throws it out.

@@ -5,9 +5,10 @@
 //! are triangulated, and it is refined each time it has grown by half: so it never drifts far. Pieces that
 //! share landmarks are then laid over each other, whatever frame each had.
 
+use super::super::attempt::attempt;
 use super::super::grow::{grow, resect_view};
 use super::super::options::{Progress, tell};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
@@ -36,7 +37,7 @@ const MIN_SHARED: usize = 2;
 /// Maps from odometry and priors, the one with most views first; those after it have no tie to it.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when `progress` says so.
+/// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
 pub fn anchored(
     problem: &Problem,
     options: &RefineOptions,
@@ -188,20 +189,16 @@ fn settle(
     triangulate_held(problem, map, MIN_PARALLAX);
     let mut trial = map.clone();
     let mut watch = |_, _| tell(progress, "odometry", count, all);
-    match refine_map(problem, &mut trial, &options, Some(&mut watch)) {
-        Ok(_) => {
-            // What was pruned may be reached later.
-            for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
-                *place = refined.or(*place);
-            }
-            for (place, refined) in map.landmarks.iter_mut().zip(trial.landmarks) {
-                *place = refined.or(*place);
-            }
-            Ok(())
+    if attempt(problem, &mut trial, &options, Some(&mut watch))?.is_some() {
+        // What was pruned may be reached later.
+        for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
+            *place = refined.or(*place);
         }
-        Err(Error::Interrupted) => Err(Error::Interrupted),
-        Err(_) => Ok(()),
+        for (place, refined) in map.landmarks.iter_mut().zip(trial.landmarks) {
+            *place = refined.or(*place);
+        }
     }
+    Ok(())
 }
 
 /// Lays pieces over the first, as far as they share landmarks, and views without odometry onto it.

@@ -6,6 +6,7 @@
 //! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
 //! whose work is quadratic in the views, is left out where it could place few of many views.
 
+use super::super::attempt::recoverable;
 use super::super::infinity::take_out_unbounded;
 use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
@@ -149,14 +150,19 @@ impl Attempts<'_, '_> {
         let options = &self.options.refine;
         let mut map = start.clone();
         let mut watch = |done, _| tell(self.progress, "refine", done, options.max_iterations);
-        match refine_map(self.problem, &mut map, options, Some(&mut watch)) {
+        match recoverable(refine_map(
+            self.problem,
+            &mut map,
+            options,
+            Some(&mut watch),
+        ))? {
             Ok(report) => {
                 let found = Reconstruction::new(self.problem, &map, report);
                 self.found.push(found);
-                Ok(())
             }
-            Err(error) => self.give_up(error),
+            Err(error) => self.failure = error,
         }
+        Ok(())
     }
 
     /// Refines the maps from bearings alone, fitted, and as they are as well: where odometry is worth next to
@@ -168,24 +174,18 @@ impl Attempts<'_, '_> {
         } else {
             plain::solve(&alone, self.options, self.progress)
         };
-        let best = match best {
+        let best = match recoverable(best)? {
             Ok(best) => best,
-            Err(error) => return self.give_up(error),
+            Err(error) => {
+                self.failure = error;
+                return Ok(());
+            }
         };
         let rivals = core::iter::once(&best).chain(&best.alternatives);
         for map in rivals.map(|rival| &rival.map) {
             self.refine_fitted(map)?;
             self.refine(map)?;
         }
-        Ok(())
-    }
-
-    /// Goes on after an error, unless it is none of the start's.
-    fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if matches!(error, Error::Interrupted | Error::OutOfMemory) {
-            return Err(error);
-        }
-        self.failure = error;
         Ok(())
     }
 }

@@ -6,12 +6,13 @@
 //! the bearings together, each bearing counting the less the worse it fits, and a landmark is where most of
 //! its rays meet.
 
+use super::super::attempt::attempt;
 use super::super::grow::score;
 use super::super::options::{Progress, tell};
 use super::super::robust::expand::{AGREEING_OF_LANDMARK, GROWING, extend};
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::place::{place_landmark, sets};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
@@ -157,20 +158,16 @@ fn settle(
     let count = map.poses.iter().flatten().count();
     let mut trial = map.clone();
     let mut watch = |_, _| tell(progress, "odometry", count, problem.views());
-    match refine_map(problem, &mut trial, options, Some(&mut watch)) {
-        Ok(_) => {
-            // What was pruned may be reached later.
-            for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
-                *place = refined.or(*place);
-            }
-            for (place, refined) in map.landmarks.iter_mut().zip(trial.landmarks) {
-                *place = refined.or(*place);
-            }
-            Ok(())
+    if attempt(problem, &mut trial, options, Some(&mut watch))?.is_some() {
+        // What was pruned may be reached later.
+        for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
+            *place = refined.or(*place);
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
-        Err(_) => Ok(()),
+        for (place, refined) in map.landmarks.iter_mut().zip(trial.landmarks) {
+            *place = refined.or(*place);
+        }
     }
+    Ok(())
 }
 
 /// The piece that shares most landmarks with a map, of those that share enough.

@@ -5,12 +5,13 @@
 //! come to lie where a few wrong bearings and the odometry agree. Once all landmarks are known the same views
 //! find their places one after the other; from the other end they find different ones where it matters.
 
+use super::super::attempt::attempt;
 use super::super::options::{Progress, tell};
 use super::super::robust::consensus::{Settled, fixed_point, settle};
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::objective::{OUTLIER, inliers};
 use super::super::robust::reassign::{relocate, replace};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem};
@@ -45,11 +46,7 @@ pub fn softly(
         ..*options
     };
     // What cannot be refined as a whole may still have a part that can.
-    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
-        refine_map(problem, &mut map, &soft, None)
-    {
-        return Err(error);
-    }
+    attempt(problem, &mut map, &soft, None)?;
     settle(problem, map, options)
 }
 

@@ -4,10 +4,11 @@
 //! Refinement and choice of the inliers in turn never raise the cost; they end where the inliers of the
 //! refined map are those that it was refined to.
 
+use super::super::attempt::attempt;
 use super::super::judge::same;
 use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
-use crate::adjustment::{RefineOptions, Report, refine_map};
+use crate::adjustment::{RefineOptions, Report};
 use crate::error::Error;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem};
@@ -65,11 +66,7 @@ fn refined(
         max_iterations: options.max_iterations.min(iterations),
         ..*options
     };
-    match refine_map(problem, map, &options, None) {
-        Ok(report) => Ok(Some(report)),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
-        Err(_) => Ok(None),
-    }
+    attempt(problem, map, &options, None)
 }
 
 /// The fixed point that a set of inliers leads to.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The map that explains most of the bearings, and which these are.
 
+use super::super::attempt::recoverable;
 use super::super::infinity::take_out_unbounded;
 use super::super::judge::{assess, refuse_free};
 use super::super::options::{Progress, Search, SolveOptions, tell};
@@ -303,21 +304,17 @@ fn last_word(
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
-    match plain::solve(&kept, &options, progress) {
-        Ok(mut found) => {
-            let rivals = core::mem::take(&mut found.alternatives);
-            for found in core::iter::once(found).chain(rivals) {
-                if inliers(problem, &found.map, OUTLIER) == best.inliers {
-                    all.push(Settled::of(problem, found));
-                } else {
-                    let inliers = best.inliers.clone();
-                    all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
-                }
+    // What the plain search cannot solve may still have been found.
+    if let Ok(mut found) = recoverable(plain::solve(&kept, &options, progress))? {
+        let rivals = core::mem::take(&mut found.alternatives);
+        for found in core::iter::once(found).chain(rivals) {
+            if inliers(problem, &found.map, OUTLIER) == best.inliers {
+                all.push(Settled::of(problem, found));
+            } else {
+                let inliers = best.inliers.clone();
+                all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
             }
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
-        // What the plain search cannot solve may still have been found.
-        Err(_) => {}
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     // Where they are the same, the map of the plain search is the one.

@@ -6,6 +6,7 @@
 //! the unfinished go on. It is enough when a minimum is as low as the noise says it must be, or two
 //! triples of views have led to it.
 
+use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same};
 use super::super::options::{Progress, tell};
 use super::super::result::Reconstruction;
@@ -205,13 +206,12 @@ impl<'a, 'p> Minima<'a, 'p> {
             ..*self.options
         };
         let mut watch = |_, _| tell(self.progress, "refine", done, total);
-        match refine_map(self.problem, &mut map, &options, Some(&mut watch)) {
+        let refined = refine_map(self.problem, &mut map, &options, Some(&mut watch));
+        match recoverable(refined)? {
             Ok(mut report) => {
                 report.iterations += used;
                 Ok(Some(Reconstruction::new(self.problem, &map, report)))
             }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
-            // A hypothesis that cannot even be refined is none.
             Err(error) => {
                 self.failure = Some(error);
                 Ok(None)
