@@ -35,19 +35,14 @@ impl Fit {
 
     /// A view at a pose, over the landmarks that have a place.
     pub fn of_view(problem: &Problem, map: &Map, view: usize, pose: &Pose<f64>) -> Self {
-        let seen = problem.of_view(view).iter();
-        Self::of(seen.filter_map(|s| {
-            Some(problem.residual(pose, &map.landmarks[s.landmark]?, s) * s.weight)
-        }))
+        let seen = map.seen(problem, view);
+        Self::of(seen.map(|(point, s)| problem.residual(pose, &point, s) * s.weight))
     }
 
     /// A landmark at a place, over the views that have a pose.
     pub fn of_landmark(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> Self {
-        let seen = problem.of_landmark(landmark).iter();
-        Self::of(seen.filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            Some(problem.residual(&map.poses[s.view]?, point, s) * s.weight)
-        }))
+        let rays = map.rays(problem, landmark);
+        Self::of(rays.map(|(pose, s)| problem.residual(&pose, point, s) * s.weight))
     }
 
     /// Whether the mean square, with so many parameters fitted, is within `gate` times the noise.
@@ -91,11 +86,7 @@ pub fn rounding(problem: &Problem) -> f64 {
 /// infinite for parallel rays.
 pub fn range_variance(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> f64 {
     let mut information = Matrix2::zeros();
-    for &k in problem.of_landmark(landmark) {
-        let s = &problem.sightings()[k];
-        let Some(pose) = map.poses[s.view] else {
-            continue;
-        };
+    for (pose, s) in map.rays(problem, landmark) {
         let offset = point.coords - pose.translation.vector;
         let range = offset.norm();
         // Over one range only: information about the position in units of the range.

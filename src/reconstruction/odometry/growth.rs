@@ -158,11 +158,8 @@ fn triangulate_held(problem: &Problem, map: &mut Map, least: f64) {
         }
     }
     for landmark in (0..known.len()).filter(|&landmark| !known[landmark]) {
-        let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s.bearing))
-        });
-        let found = triangulate(rays).ok();
+        let rays = map.rays(problem, landmark);
+        let found = triangulate(rays.map(|(pose, s)| (pose, s.bearing))).ok();
         let ahead = |behind: usize| behind == 0 || !problem.is_oriented();
         let found = found.filter(|found| found.parallax > least && ahead(found.behind));
         map.landmarks[landmark] = found.map(|found| found.point);

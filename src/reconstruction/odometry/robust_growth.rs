@@ -131,16 +131,12 @@ fn place(problem: &Problem, map: &mut Map, landmark: usize, random: &mut ChaCha8
     let Some(found) = found.first() else {
         return;
     };
-    let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-        let s = &problem.sightings()[k];
-        map.poses[s.view].map(|pose| (pose, s.bearing))
-    });
+    let rays = map.rays(problem, landmark).zip(&found.agreeing);
     let agreeing = rays
-        .zip(&found.agreeing)
         .filter(|(_, agrees)| **agrees)
-        .map(|(ray, _)| ray);
-    let held = found.count() >= AGREEING_OF_LANDMARK
-        && triangulate(agreeing).is_ok_and(|found| found.parallax > MIN_PARALLAX);
+        .map(|((pose, s), _)| (pose, s.bearing));
+    let parallax = triangulate(agreeing).map_or(0.0, |found| found.parallax);
+    let held = found.count() >= AGREEING_OF_LANDMARK && parallax > MIN_PARALLAX;
     map.landmarks[landmark] = held.then_some(found.place);
 }
 

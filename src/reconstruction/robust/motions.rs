@@ -63,10 +63,8 @@ impl Motions {
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
         let most = OUTLIER * OUTLIER;
         let mut cost = 0.0;
-        for s in problem.of_view(view) {
-            if let Some(point) = &map.landmarks[s.landmark] {
-                cost += square(problem, s, at, point).min(most);
-            }
+        for (point, s) in map.seen(problem, view) {
+            cost += square(problem, s, at, &point).min(most);
         }
         for motion in &self.of[view] {
             if let Some(other) = &map.poses[motion.end] {
@@ -94,11 +92,7 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
 /// turns.
 pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
     let predicted = from * motion.delta;
-    let seen: Vec<_> = problem
-        .of_view(motion.end)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
-        .collect();
+    let seen: Vec<_> = map.seen(problem, motion.end).collect();
     let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
     let linearize = |at: &Pose<f64>| {
         let error = motion.root * vector(&predicted.inv_mul(at));

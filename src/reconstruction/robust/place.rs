@@ -95,11 +95,7 @@ pub fn place_view(
     count: usize,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Pose<f64>>> {
-    let seen: Vec<(Point2<f64>, Seen)> = problem
-        .of_view(view)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
-        .collect();
+    let seen: Vec<(Point2<f64>, &Seen)> = map.seen(problem, view).collect();
     if seen.len() < MIN_LANDMARKS_OF_VIEW {
         return Vec::new();
     }
@@ -141,14 +137,7 @@ pub fn place_landmark(
     count: usize,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Point2<f64>>> {
-    let rays: Vec<(Pose<f64>, Seen)> = problem
-        .of_landmark(landmark)
-        .iter()
-        .filter_map(|&k| {
-            let s = problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s))
-        })
-        .collect();
+    let rays: Vec<(Pose<f64>, &Seen)> = map.rays(problem, landmark).collect();
     if rays.len() < MIN_VIEWS_OF_LANDMARK {
         return Vec::new();
     }
@@ -182,7 +171,7 @@ pub fn place_landmark(
 }
 
 /// Where two lines of sight cross; `None` when they are parallel.
-fn crossing(rays: [&(Pose<f64>, Seen); 2]) -> Option<Point2<f64>> {
+fn crossing(rays: [&(Pose<f64>, &Seen); 2]) -> Option<Point2<f64>> {
     let cross = |a: Complex<f64>, b: Complex<f64>| a.re * b.im - a.im * b.re;
     let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
     let [from, to] = rays.map(|(pose, _)| pose.translation.vector);

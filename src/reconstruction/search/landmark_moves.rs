@@ -28,12 +28,9 @@ pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> 
         let Some(point) = point else { continue };
         let cost = |place: &Point2<f64>, but: Option<usize>, bound: f64| {
             let mut sum = 0.0;
-            for &k in problem.of_landmark(landmark) {
-                let s = &problem.sightings()[k];
-                if let Some(pose) = &map.poses[s.view]
-                    && but != Some(k)
-                {
-                    let residual = problem.residual(pose, place, s) * s.weight;
+            for (pose, s) in map.rays(problem, landmark) {
+                if but != Some(s.view) {
+                    let residual = problem.residual(&pose, place, s) * s.weight;
                     sum += residual * residual * 0.5;
                     if sum > bound {
                         return None;
@@ -54,23 +51,17 @@ pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> 
             }
         };
         let mut direction = Vector2::zeros();
-        for &k in problem.of_landmark(landmark) {
-            let s = &problem.sightings()[k];
-            if let Some(pose) = &map.poses[s.view] {
-                let ray = pose.rotation.into_inner() * s.bearing.into_inner();
-                let ray = Vector2::new(ray.re, ray.im);
-                let view = Point2::from(pose.translation.vector);
-                direction += ray;
-                add(view, Some(k), view + ray * OFF);
-            }
+        for (pose, s) in map.rays(problem, landmark) {
+            let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+            let ray = Vector2::new(ray.re, ray.im);
+            let view = Point2::from(pose.translation.vector);
+            direction += ray;
+            add(view, Some(s.view), view + ray * OFF);
         }
         let far = Point2::from(direction * (AWAY / direction.norm()));
         add(Point2::from(far.coords * AWAY), None, far);
-        let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s.bearing))
-        });
-        if let Ok(found) = triangulate(rays) {
+        let rays = map.rays(problem, landmark);
+        if let Ok(found) = triangulate(rays.map(|(pose, s)| (pose, s.bearing))) {
             add(found.point, None, found.point);
         }
     }
