@@ -4,11 +4,9 @@
 use super::infinity::take_out_unbounded;
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
-use super::options::{Progress, SolveOptions, Strategy, tell};
+use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
-use super::search::hypotheses::{Hypotheses, Hypothesis};
-use super::search::plain;
 use super::strategy;
 use crate::adjustment::{RefineOptions, Report, cost, refine_map};
 use crate::error::Error;
@@ -45,35 +43,22 @@ pub fn initialize(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let mut progress = progress;
-    let (hypotheses, count) = match strategy::first_map(problem, options, &mut progress)? {
-        Some(map) => (Hypotheses::of([map]), 1),
-        None => {
-            let count = match options.strategy {
-                Strategy::FirstViews(_) => 1,
-                _ => 2,
-            };
-            (plain::first_maps(problem, options, &mut progress)?, count)
-        }
-    };
-    let judged = hypotheses
-        .maps
-        .into_iter()
-        .take(count)
-        .map(|Hypothesis { mut map, .. }| {
-            let undetermined = map.prune(problem);
-            let cost = cost(problem, &map, options.refine.loss);
-            Reconstruction::new(
-                problem,
-                &map,
-                Report {
-                    cost,
-                    termination: Termination::NotRefined,
-                    iterations: 0,
-                    undetermined,
-                    loss: options.refine.loss,
-                },
-            )
-        });
+    let maps = strategy::first_maps(problem, options, &mut progress)?;
+    let judged = maps.into_iter().map(|mut map| {
+        let undetermined = map.prune(problem);
+        let cost = cost(problem, &map, options.refine.loss);
+        Reconstruction::new(
+            problem,
+            &map,
+            Report {
+                cost,
+                termination: Termination::NotRefined,
+                iterations: 0,
+                undetermined,
+                loss: options.refine.loss,
+            },
+        )
+    });
     choose(problem, judged.collect())
 }
 
@@ -154,6 +139,6 @@ pub fn solve(
     } else if options.robust {
         solve_robust(problem, options, &mut progress)
     } else {
-        plain::solve(problem, options, &mut progress)
+        strategy::solve(problem, options, &mut progress)
     }
 }

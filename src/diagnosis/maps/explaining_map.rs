@@ -9,9 +9,9 @@ use crate::kernels::{Method, three_view};
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
 use crate::reconstruction::judge::same;
-use crate::reconstruction::search::plain::lowest;
 use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
 use crate::reconstruction::search::triples::{common_bearings, draw};
+use crate::reconstruction::strategy::lowest;
 use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
 use alloc::vec::Vec;
 

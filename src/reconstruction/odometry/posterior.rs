@@ -11,7 +11,6 @@ use super::super::infinity::take_out_unbounded;
 use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
-use super::super::search::plain;
 use super::super::strategy;
 use super::growth::anchored;
 use super::robust_start;
@@ -172,7 +171,7 @@ impl Attempts<'_, '_> {
         let best = if self.options.robust {
             solve_robust(&alone, self.options, self.progress)
         } else {
-            plain::solve(&alone, self.options, self.progress)
+            strategy::solve(&alone, self.options, self.progress)
         };
         let best = match recoverable(best)? {
             Ok(best) => best,

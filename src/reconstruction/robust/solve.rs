@@ -6,7 +6,8 @@ use super::super::infinity::take_out_unbounded;
 use super::super::judge::{assess, refuse_free};
 use super::super::options::{Progress, Search, SolveOptions, tell};
 use super::super::result::Reconstruction;
-use super::super::search::{hypotheses, plain, triples};
+use super::super::search::{hypotheses, triples};
+use super::super::strategy;
 use super::consensus::{Settled, fixed_point, settle};
 use super::exchange::exchange;
 use super::expand::expand;
@@ -305,7 +306,7 @@ fn last_word(
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
     // What the plain search cannot solve may still have been found.
-    if let Ok(mut found) = recoverable(plain::solve(&kept, &options, progress))? {
+    if let Ok(mut found) = recoverable(strategy::solve(&kept, &options, progress))? {
         let rivals = core::mem::take(&mut found.alternatives);
         for found in core::iter::once(found).chain(rivals) {
             if inliers(problem, &found.map, OUTLIER) == best.inliers {
