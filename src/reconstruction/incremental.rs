@@ -10,8 +10,8 @@ mod seeds;
 
 use super::incremental::complete::finish;
 use super::incremental::growth::Growth;
-use super::incremental::merge::{best, merge, variance, views};
-use super::judge::{SAME_COST, is_plausible, same};
+use super::incremental::merge::{best, merge, views};
+use super::judge::{SAME_COST, is_as_good, is_plausible, same, variance};
 use super::options::Progress;
 use super::result::Reconstruction;
 use crate::adjustment::RefineOptions;
@@ -28,8 +28,7 @@ const ATTEMPTS: usize = 12;
 /// what takes more goes on by Newton's method, which is dear.
 const FIRST_ITERATIONS: usize = 8;
 
-/// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the
-/// best.
+/// Most unfinished maps that go on, and how many times the variance of the best theirs may be.
 const MAX_FINISHED: usize = 3;
 const HOPELESS: f64 = 30.0;
 
@@ -159,7 +158,7 @@ fn component(
     // What goes on is what may still be the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = gates::rounding(problem);
-    unfinished.retain(|map| variance(map) <= HOPELESS * least + rounding);
+    unfinished.retain(|map| is_as_good(variance(map), least, HOPELESS, rounding));
     unfinished.sort_by(|a, b| variance(a).total_cmp(&variance(b)));
     for map in unfinished.into_iter().take(MAX_FINISHED) {
         found.extend(finish(problem, options, map.map, free, progress)?);

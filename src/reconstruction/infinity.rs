@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks of which only the direction is known.
 
+use super::judge::variance;
 use super::result::Reconstruction;
 use crate::lm::Termination;
 use crate::problem::{Problem, Subject, Undetermined, Why};
@@ -17,8 +18,7 @@ pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
     {
         return;
     }
-    let variance = 2.0 * found.cost / (found.freedom as f64);
-    let unbounded = unbounded_landmarks(problem, &found.map, variance);
+    let unbounded = unbounded_landmarks(problem, &found.map, variance(found));
     let lost: usize = unbounded
         .iter()
         .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))

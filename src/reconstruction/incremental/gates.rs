@@ -3,6 +3,7 @@
 //!
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
+use super::super::judge;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
@@ -74,12 +75,11 @@ pub fn noise(problem: &Problem, map: &Map) -> f64 {
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
-/// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ
-/// by less.
+/// The variance of residuals that are rounding, for the sharpest of the bearings: the maps that are compared need
+/// not share their sightings.
 pub fn rounding(problem: &Problem) -> f64 {
     let weights = problem.sightings().iter();
-    let square = weights.fold(0.0_f64, |most, s| most.max(s.weight * s.weight));
-    square * f64::EPSILON
+    judge::rounding(weights.fold(0.0_f64, |most, s| most.max(s.weight)))
 }
 
 /// The relative variance of the range of a landmark, for residuals of one sigma and views held fixed:

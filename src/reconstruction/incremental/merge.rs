@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Which of several maps is the best, and two that share landmarks become one.
 
+use super::super::judge::{is_as_good, variance};
 use super::super::options::Progress;
 use super::super::result::Reconstruction;
 use super::complete::finish;
@@ -13,26 +14,21 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
-/// The cost per degree of freedom.
-pub fn variance(found: &Reconstruction) -> f64 {
-    found.cost / found.freedom.max(1) as f64
-}
-
 /// Number of views in a map.
 pub fn views(found: &Reconstruction) -> usize {
     found.map.poses.iter().flatten().count()
 }
 
-/// A map fits about as well as another when its cost per degree of freedom is at most so many times
-/// the other's.
-const AS_GOOD: f64 = 4.0;
+/// Two maps belong together, and a map competes with a better one, when its variance is at most so many times
+/// the other's: twice the residuals.
+const FITS: f64 = 4.0;
 
 /// Of those that fit about as well as the best, the one that reaches most, then the lowest.
 pub fn best(problem: &Problem, found: Vec<Reconstruction>) -> Option<Reconstruction> {
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    let bound = AS_GOOD * least + rounding(problem);
+    let rounding = rounding(problem);
     found.into_iter().min_by(|a, b| {
-        let misfits = |found: &Reconstruction| !(variance(found) <= bound);
+        let misfits = |found: &Reconstruction| !is_as_good(variance(found), least, FITS, rounding);
         misfits(a)
             .cmp(&misfits(b))
             .then(a.undetermined.len().cmp(&b.undetermined.len()))
@@ -92,8 +88,8 @@ fn joined(
     };
     // As good as apart, per degree of freedom: they belong together.
     let freedom = (first.freedom + second.freedom).max(1) as f64;
-    let apart = (first.cost + second.cost) / freedom;
-    let fits = variance(&joined) <= AS_GOOD * apart + rounding(problem);
+    let apart = 2.0 * (first.cost + second.cost) / freedom;
+    let fits = is_as_good(variance(&joined), apart, FITS, rounding(problem));
     Ok(fits.then_some(joined))
 }
 

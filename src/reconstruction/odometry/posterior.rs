@@ -8,6 +8,7 @@
 
 use super::super::attempt::recoverable;
 use super::super::infinity::take_out_unbounded;
+use super::super::judge::{is_plausible_consensus, is_plausible_posterior, refuse_minority};
 use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
@@ -16,14 +17,9 @@ use super::growth::anchored;
 use super::robust_start;
 use crate::adjustment::{RefineOptions, fitted, refine_map};
 use crate::error::Error;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::lm::Loss;
-use crate::problem::{Map, Problem, Undetermined, Why};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
-
-/// Standard deviations of the cost by which that of the right map may differ from its mean.
-const PLAUSIBLE: f64 = 3.0;
 
 /// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With
 /// fewer, the map from bearings alone costs little and is always tried.
@@ -86,7 +82,7 @@ pub fn solve_posterior(
         return Err(attempts.failure);
     }
     if options.robust {
-        robust_start::refuse_minority(&attempts.found[0])?;
+        refuse_minority(&attempts.found[0])?;
     }
     // What the best does not reach, and nothing ties to it, makes maps of its own.
     for start in &starts {
@@ -105,9 +101,6 @@ pub fn solve_posterior(
     }
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }
-
-/// Sightings for each outlier, of which a map has at least so many: `robust` is for up to a third.
-const MANY_SIGHTINGS: usize = 3;
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
@@ -129,7 +122,11 @@ struct Attempts<'a, 'p> {
 impl Attempts<'_, '_> {
     /// Whether no other start is wanted.
     fn suffice(&self) -> bool {
-        let plausible = |found| is_plausible(found, self.options.robust);
+        let plausible = if self.options.robust {
+            is_plausible_consensus
+        } else {
+            is_plausible_posterior
+        };
         self.problem.views() > MANY_VIEWS && self.found.iter().any(plausible)
     }
 
@@ -193,29 +190,4 @@ impl Attempts<'_, '_> {
 fn are_apart(a: &Map, b: &Map) -> bool {
     let mut pairs = a.poses.iter().zip(&b.poses);
     pairs.all(|(a, b)| a.is_none() || b.is_none())
-}
-
-/// Whether a map is what may be expected of the right one: it reaches all that any start would, and its cost
-/// is what the standard deviations say.
-///
-/// Where outliers are expected it is enough that they are no more than a search finds its way among: real
-/// standard deviations are never exact, and many outliers tell a wrong map whatever they are.
-fn is_plausible(found: &Reconstruction, robust: bool) -> bool {
-    let hopeless = |one: &Undetermined| match one.why {
-        // No start would reach it.
-        Why::TooFewSightings { .. } => true,
-        // Its sightings are among the outliers that are counted.
-        Why::TooFewInliers { .. } => robust,
-        _ => false,
-    };
-    if !(found.termination.was_successful() && found.undetermined.iter().all(hopeless)) {
-        return false;
-    }
-    if robust {
-        let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
-        return MANY_SIGHTINGS * outliers <= found.inliers.len();
-    }
-    let freedom = found.freedom as f64;
-    let excess = 2.0 * found.cost - freedom;
-    excess <= 0.0_f64.max(PLAUSIBLE * (2.0 * freedom).sqrt())
 }

@@ -5,7 +5,7 @@ use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::robust::expand::AGREEING_OF_VIEW;
 use super::super::robust::reassign::replace;
-use super::super::robust::solve::{FEW_OUTLIERS, check_sigmas, reconstruction};
+use super::super::robust::solve::{check_sigmas, reconstruction};
 use super::robust_growth;
 use super::sweeps::{retrace, softly};
 use crate::adjustment::RefineOptions;
@@ -63,19 +63,4 @@ pub fn from_start(
     let settled = replace(problem, settled, &plain, &mut random, progress)?;
     let settled = retrace(problem, settled, &plain, &mut random, progress)?;
     Ok(Some(reconstruction(problem, &settled)))
-}
-
-/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
-/// they say.
-pub fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
-    let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
-    let outliers = found.inliers.len() - inliers;
-    if outliers > inliers && outliers > FEW_OUTLIERS {
-        return Err(Error::NoConsensus {
-            inliers,
-            outliers,
-            freedom: found.freedom,
-        });
-    }
-    Ok(())
 }

@@ -3,7 +3,7 @@
 
 use super::super::attempt::recoverable;
 use super::super::infinity::take_out_unbounded;
-use super::super::judge::{assess, refuse_free};
+use super::super::judge::{assess, refuse_chance, refuse_free};
 use super::super::options::{Progress, Search, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
@@ -90,28 +90,6 @@ pub fn solve_robust(
         .collect();
     Ok(found)
 }
-
-/// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
-/// unknowns, and a few more.
-fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
-    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
-    let share = found.freedom as f64 / outliers as f64;
-    if outliers > FEW_OUTLIERS && share < CONSENSUS {
-        return Err(Error::NoConsensus {
-            inliers: found.inliers.len() - outliers,
-            outliers,
-            freedom: found.freedom,
-        });
-    }
-    Ok(())
-}
-
-/// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a
-/// tenth, scenes with three outliers in ten one or more.
-const CONSENSUS: f64 = 0.25;
-
-/// So few outliers are no sign of chance, however few bearings there are.
-pub const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {

@@ -7,7 +7,7 @@
 //! triples of views have led to it.
 
 use super::super::attempt::recoverable;
-use super::super::judge::{SAME_COST, is_plausible, same};
+use super::super::judge::{SAME_COST, is_plausible, same, variance};
 use super::super::options::{Progress, tell};
 use super::super::result::Reconstruction;
 use super::hypotheses::Hypothesis;
@@ -164,8 +164,7 @@ impl<'a, 'p> Minima<'a, 'p> {
                 break;
             }
             let cost = best.cost;
-            let variance = 2.0 * cost / (best.freedom as f64);
-            let maps = moved_landmarks(self.problem, &best.map, variance);
+            let maps = moved_landmarks(self.problem, &best.map, variance(best));
             let total = maps.len().min(MOVES);
             let mut lower = false;
             for (done, map) in maps.into_iter().take(MOVES).enumerate() {
