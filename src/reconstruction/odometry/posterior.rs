@@ -13,7 +13,8 @@ use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
 use super::super::strategy;
-use super::growth::anchored;
+use super::growth::{GrowthOptions, grow_along_odometry};
+use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{RefineOptions, fitted, refine_map};
 use crate::error::Error;
@@ -62,7 +63,9 @@ pub fn solve_posterior(
             loss,
             ..options.refine
         };
-        let grown = anchored(problem, &growing, attempts.progress)?;
+        let growth = GrowthOptions::default();
+        let mut placement = LeastSquaresPlacement::new(problem, &growing, &growth);
+        let grown = grow_along_odometry(problem, &mut placement, &growth, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
