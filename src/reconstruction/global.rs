@@ -10,7 +10,7 @@ mod headings;
 mod positions;
 mod relative;
 
-use super::options::{Progress, tell};
+use super::options::{Progress, report_progress};
 use crate::error::Error;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
@@ -47,7 +47,7 @@ pub fn starts(
     let total = problem.views();
     let mut done = 0;
     for group in relative::groups(problem.views(), &relatives) {
-        if !tell(progress, "global", done, total) {
+        if !report_progress(progress, "global", done, total) {
             return Err(Error::Interrupted);
         }
         done += group.len();

@@ -4,8 +4,8 @@
 mod complete;
 mod gates;
 mod growth;
-mod locate;
 mod merge;
+mod place;
 mod seeds;
 
 use super::incremental::complete::finish;

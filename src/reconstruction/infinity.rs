@@ -10,7 +10,7 @@ use crate::uncertainty::unbounded_landmarks;
 /// Takes landmarks at infinity out of a refined map: their range means nothing.
 ///
 /// Their bearings have done their part: they hold the headings, and the cost counts them.
-pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
+pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction) {
     // Exact bearings leave no noise to judge by, and a map that explains nothing is none.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual

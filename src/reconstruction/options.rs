@@ -79,7 +79,7 @@ impl Default for SolveOptions {
 pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
 
 /// Reports progress to a caller who asked for it; `false` when the work is to stop.
-pub fn tell(
+pub fn report_progress(
     progress: &mut Option<Progress<'_>>,
     stage: &'static str,
     done: usize,

@@ -2,7 +2,7 @@
 //! Which path suits how much the views see, and what becomes of several maps.
 
 use super::grow::resect_view;
-use super::infinity::take_out_unbounded;
+use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
@@ -63,7 +63,7 @@ pub fn lowest(
 ) -> Result<Reconstruction, Error> {
     let mut maps = components(problem, options, progress)?;
     for map in &mut maps {
-        take_out_unbounded(problem, map);
+        drop_landmarks_at_infinity(problem, map);
     }
     for map in maps.iter_mut().skip(1) {
         assess(problem, map);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Relative headings of many triples of views, and which views they connect.
 
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::super::search::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::kernels::CalibratedTensor;
@@ -42,7 +42,7 @@ pub fn relatives(
     for needed in SHARED {
         let drawn = triples::draw(problem, needed, count, seed);
         for (done, &views) in drawn.iter().enumerate() {
-            if !tell(progress, "search", done, drawn.len()) {
+            if !report_progress(progress, "search", done, drawn.len()) {
                 return Err(Error::Interrupted);
             }
             match relative(problem, views, needed) {

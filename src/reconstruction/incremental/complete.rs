@@ -2,11 +2,11 @@
 //! The end of a growth: a place for everything that has one, and the last refinement.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::super::result::Reconstruction;
 use super::gates::noise;
 use super::growth::GATES;
-use super::locate;
+use super::place;
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
@@ -60,7 +60,7 @@ fn refined(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let total = options.max_iterations;
-    let mut watch = |done, _| tell(progress, "refine", done, total);
+    let mut watch = |done, _| report_progress(progress, "refine", done, total);
     let report = attempt(problem, &mut map, options, Some(&mut watch))?;
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
@@ -76,8 +76,8 @@ fn complete(problem: &Problem, map: &mut Map, allowed: &[bool]) {
     for _ in 0..2 {
         for landmark in 0..map.landmarks.len() {
             if map.landmarks[landmark].is_none() {
-                let met = locate::landmark(problem, map, landmark);
-                let far = locate::far_out(problem, map, landmark);
+                let met = place::place_landmark(problem, map, landmark);
+                let far = place::far_out(problem, map, landmark);
                 let places = met.into_iter().chain(far);
                 let best = places.min_by(|a, b| {
                     let [a, b] = [a, b].map(|(_, fit)| fit.squares);
@@ -89,7 +89,7 @@ fn complete(problem: &Problem, map: &mut Map, allowed: &[bool]) {
         for view in 0..map.poses.len() {
             if map.poses[view].is_none()
                 && allowed[view]
-                && let Some((_, pose, fit)) = locate::view(problem, map, view)
+                && let Some((_, pose, fit)) = place::place_view(problem, map, view)
                 && fit.passes(MIN_LANDMARKS_OF_VIEW, noise, GATES[GATES.len() - 1])
             {
                 map.poses[view] = Some(pose);

@@ -6,9 +6,9 @@
 //! is left the gates open wider.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::gates::{Fit, noise, range_variance};
-use super::locate;
+use super::place;
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
@@ -131,7 +131,7 @@ impl<'a> Growth<'a> {
             if self.map.poses[view].is_none()
                 && self.allowed[view]
                 && self.thrown[view] < RETURNS
-                && let Some((pose, held)) = self.locate(view)
+                && let Some((pose, held)) = self.place_view(view)
             {
                 found.push((held, view, pose));
             }
@@ -147,11 +147,11 @@ impl<'a> Growth<'a> {
 
     /// The pose of a view that passes the gates, and how far it is held: one over the standard
     /// deviation of its heading, in units of the noise.
-    fn locate(&self, view: usize) -> Option<(Pose<f64>, f64)> {
+    fn place_view(&self, view: usize) -> Option<(Pose<f64>, f64)> {
         if self.map.connections_of_view(self.problem, view) < HOLDING[self.level] {
             return None;
         }
-        let (found, pose, fit) = locate::view(self.problem, &self.map, view)?;
+        let (found, pose, fit) = place::place_view(self.problem, &self.map, view)?;
         let count = fit.count as f64;
         let weight = self.problem.of_view(view)[0].weight;
         let held = found.gap * count.sqrt() * weight / self.noise;
@@ -164,14 +164,14 @@ impl<'a> Growth<'a> {
     fn triangulate(&mut self) {
         for landmark in 0..self.map.landmarks.len() {
             if self.map.landmarks[landmark].is_none() {
-                self.map.landmarks[landmark] = self.place(landmark);
+                self.map.landmarks[landmark] = self.place_landmark(landmark);
             }
         }
     }
 
     /// The place of a landmark that passes the gates.
-    fn place(&self, landmark: usize) -> Option<Point2<f64>> {
-        let (point, fit) = locate::landmark(self.problem, &self.map, landmark)?;
+    fn place_landmark(&self, landmark: usize) -> Option<Point2<f64>> {
+        let (point, fit) = place::place_landmark(self.problem, &self.map, landmark)?;
         let variance = range_variance(self.problem, &self.map, landmark, &point);
         let bound = MAX_DEVIATION / self.noise;
         (fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, GATES[0]) && variance < bound * bound)
@@ -181,7 +181,7 @@ impl<'a> Growth<'a> {
     /// A few steps of refinement of the whole; `false` when it cannot be refined.
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
-        let mut watch = |_, _| tell(progress, "grow", reached, total);
+        let mut watch = |_, _| report_progress(progress, "grow", reached, total);
         let report = attempt(self.problem, &mut self.map, &self.options, Some(&mut watch))?;
         if report.is_some() {
             self.noise = noise(self.problem, &self.map);
@@ -197,7 +197,7 @@ impl<'a> Growth<'a> {
             };
             let fit = Fit::of_landmark(self.problem, &self.map, landmark, &point);
             if !fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, GATES[0]) {
-                self.map.landmarks[landmark] = self.place(landmark);
+                self.map.landmarks[landmark] = self.place_landmark(landmark);
             }
         }
         for view in 0..self.map.poses.len() {
@@ -206,7 +206,7 @@ impl<'a> Growth<'a> {
             };
             let fit = Fit::of_view(self.problem, &self.map, view, &pose);
             if !fit.passes(MIN_LANDMARKS_OF_VIEW, self.noise, GATES[0]) {
-                self.map.poses[view] = self.locate(view).map(|(pose, _)| pose);
+                self.map.poses[view] = self.place_view(view).map(|(pose, _)| pose);
                 self.thrown[view] += u8::from(self.map.poses[view].is_none());
             }
         }

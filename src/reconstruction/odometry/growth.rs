@@ -7,7 +7,7 @@
 //! [`Placement`]: by least squares, or robustly where bearings may be wrong.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motion, Motions};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
@@ -184,7 +184,7 @@ impl<P: Placement> Growth<'_, '_, P> {
         };
         let (done, all) = (size(map), self.problem.views());
         let mut trial = map.clone();
-        let mut observer = |_, _| tell(self.progress, "odometry", done, all);
+        let mut observer = |_, _| report_progress(self.progress, "odometry", done, all);
         if attempt(self.problem, &mut trial, &options, Some(&mut observer))?.is_some() {
             // What was pruned may be reached later.
             for (place, refined) in map.poses.iter_mut().zip(trial.poses) {

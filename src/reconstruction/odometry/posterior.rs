@@ -7,9 +7,9 @@
 //! whose work is quadratic in the views, is left out where it could place few of many views.
 
 use super::super::attempt::recoverable;
-use super::super::infinity::take_out_unbounded;
+use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{is_plausible_consensus, is_plausible_posterior, refuse_minority};
-use super::super::options::{Progress, SolveOptions, tell};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
 use super::super::strategy;
@@ -100,7 +100,7 @@ pub fn solve_posterior(
     let mut maps = attempts.found;
     if !options.robust {
         maps.iter_mut()
-            .for_each(|map| take_out_unbounded(problem, map));
+            .for_each(|map| drop_landmarks_at_infinity(problem, map));
     }
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }
@@ -148,7 +148,8 @@ impl Attempts<'_, '_> {
         }
         let options = &self.options.refine;
         let mut map = start.clone();
-        let mut watch = |done, _| tell(self.progress, "refine", done, options.max_iterations);
+        let mut watch =
+            |done, _| report_progress(self.progress, "refine", done, options.max_iterations);
         match recoverable(refine_map(
             self.problem,
             &mut map,

@@ -6,15 +6,15 @@
 //! together, each bearing counting the less the worse it fits, and a landmark is where most of its rays meet.
 
 use super::super::grow::score;
-use super::super::options::{Progress, SolveOptions, tell};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::expand::{AGREEING_OF_LANDMARK, AGREEING_OF_VIEW, GROWING, extend};
 use super::super::robust::motions::{Motion, moved};
 use super::super::robust::place::{place_landmark, sets};
-use super::super::robust::reassign::replace;
+use super::super::robust::reassign::reestimate_each;
 use super::super::robust::solve::{check_sigmas, reconstruction};
 use super::growth::{GrowthOptions, Placement, Shared, grow_along_odometry, laid_over};
-use super::sweeps::{retrace, softly};
+use super::sweeps::{cauchy_consensus, sweep_odometry};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -192,7 +192,7 @@ pub fn from_start(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     check_sigmas(problem)?;
-    if !tell(progress, "improve", 0, 1) {
+    if !report_progress(progress, "improve", 0, 1) {
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
@@ -200,10 +200,10 @@ pub fn from_start(
         loss: Loss::Squared,
         ..options.refine
     };
-    let Some(settled) = softly(problem, start.clone(), &plain)? else {
+    let Some(consensus) = cauchy_consensus(problem, start.clone(), &plain)? else {
         return Ok(None);
     };
-    let settled = replace(problem, settled, &plain, &mut random, progress)?;
-    let settled = retrace(problem, settled, &plain, &mut random, progress)?;
-    Ok(Some(reconstruction(problem, &settled)))
+    let consensus = reestimate_each(problem, consensus, &plain, &mut random, progress)?;
+    let consensus = sweep_odometry(problem, consensus, &plain, &mut random, progress)?;
+    Ok(Some(reconstruction(problem, &consensus)))
 }

@@ -6,11 +6,10 @@
 //! find their places one after the other; from the other end they find different ones where it matters.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, tell};
-use super::super::robust::consensus::{Settled, fixed_point, settle};
+use super::super::options::{Progress, report_progress};
+use super::super::robust::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
 use super::super::robust::motions::{Motions, moved};
-use super::super::robust::objective::{OUTLIER, inliers};
-use super::super::robust::reassign::{relocate, replace};
+use super::super::robust::reassign::{reassign, reestimate_each};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::lm::Loss;
@@ -35,11 +34,11 @@ const BOUNDS: [f64; 4] = [2.0, 4.5, 9.0, 20.0];
 ///
 /// # Errors
 /// Those of the refinement.
-pub fn softly(
+pub fn cauchy_consensus(
     problem: &Problem,
     mut map: Map,
     options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
+) -> Result<Option<Consensus>, Error> {
     let soft = RefineOptions {
         loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
         tolerance: ROUGHLY,
@@ -47,7 +46,7 @@ pub fn softly(
     };
     // What cannot be refined as a whole may still have a part that can.
     attempt(problem, &mut map, &soft, None)?;
-    settle(problem, map, options)
+    to_consensus(problem, map, options)
 }
 
 /// Places all views anew along the odometry, from its first views on and from its last, as long as that
@@ -55,28 +54,28 @@ pub fn softly(
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn retrace(
+pub fn sweep_odometry(
     problem: &Problem,
-    mut best: Settled,
+    mut best: Consensus,
     options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     let motions = Motions::new(problem);
     for round in 0..ROUNDS {
         let cost = best.cost;
         for backward in [false, true] {
-            if !tell(progress, "improve", round, ROUNDS) {
+            if !report_progress(progress, "improve", round, ROUNDS) {
                 return Err(Error::Interrupted);
             }
-            let map = retraced(problem, &motions, &best.map, backward);
-            if let Some(found) = softly(problem, map, options)?
+            let map = swept(problem, &motions, &best.map, backward);
+            if let Some(found) = cauchy_consensus(problem, map, options)?
                 && found.is_below(&best)
             {
-                best = replace(problem, found, options, random, progress)?;
+                best = reestimate_each(problem, found, options, random, progress)?;
             }
         }
-        best = relocate(problem, best, options, random, progress)?;
+        best = reassign(problem, best, options, random, progress)?;
         if !(best.cost + WORTH < cost) {
             break;
         }
@@ -93,7 +92,7 @@ pub fn retrace(
 
 /// The views of a map one after the other along the odometry, by all of its landmarks; of what hangs
 /// together the first view, or the last, stays.
-fn retraced(problem: &Problem, motions: &Motions, map: &Map, backward: bool) -> Map {
+fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);
     result.landmarks.clone_from(&map.landmarks);

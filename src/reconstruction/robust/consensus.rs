@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From a rough map to a fixed point of the bounded cost.
+//! What a robust map minimises, and the way from a rough map to a fixed point of it.
 //!
-//! Refinement and choice of the inliers in turn never raise the cost; they end where the inliers of the
-//! refined map are those that it was refined to.
+//! The bounded cost is half the sum of squared residuals over sigma, none of which counts for more than an outlier's.
+//! Refinement and choice of the inliers in turn never raise it; they end where the inliers of the refined map are
+//! those that it was refined to.
 
 use super::super::attempt::attempt;
 use super::super::judge::same;
 use super::super::result::Reconstruction;
-use super::objective::{OUTLIER, cost, inliers};
-use crate::adjustment::{RefineOptions, Report};
+use crate::adjustment::{RefineOptions, Report, cost_of_ties};
 use crate::error::Error;
+use crate::geometry::Pose;
 use crate::lm::Loss;
-use crate::problem::{Map, Problem};
+use crate::problem::{Map, Problem, Seen};
 use alloc::vec::Vec;
+use nalgebra::Point2;
+
+/// Standard deviations beyond which a bearing is an outlier.
+pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 
 /// Bounds, in standard deviations, on the way from a growing map to the final one.
 const NARROWING: [f64; 2] = [6.0, 4.0];
@@ -29,12 +34,49 @@ const LOWER: f64 = 1.0 - 1e-9;
 
 /// A map at a fixed point: the refinement of its inliers.
 #[derive(Clone)]
-pub struct Settled {
+pub struct Consensus {
     pub map: Map,
     pub inliers: Vec<bool>,
     /// Half the sum of squares, those of outliers bounded.
     pub cost: f64,
     pub report: Report,
+}
+
+/// The square of residual over sigma of one sighting: the only place that says what it is for a bearing
+/// to agree with a pose and a landmark.
+#[inline]
+pub fn square(problem: &Problem, seen: &Seen, pose: &Pose<f64>, point: &Point2<f64>) -> f64 {
+    let residual = problem.residual(pose, point, seen) * seen.weight;
+    residual * residual
+}
+
+/// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
+pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = Option<f64>> + 'a {
+    problem
+        .sightings()
+        .iter()
+        .map(|s| match (&map.poses[s.view], &map.landmarks[s.landmark]) {
+            (Some(pose), Some(point)) => Some(square(problem, s, pose, point)),
+            _ => None,
+        })
+}
+
+/// Half the sum of the squares, none of which counts for more than that of `bound`; a sighting that the
+/// map does not reach counts that much. Odometry and priors count in full.
+pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
+    let most = bound * bound;
+    let bearings = squares(problem, map).fold(0.0, |sum, square| {
+        sum + square.map_or(most, |square| square.min(most))
+    });
+    bearings * 0.5 + cost_of_ties(problem, map)
+}
+
+/// The sightings that a map explains to within `bound` standard deviations.
+pub fn inliers(problem: &Problem, map: &Map, bound: f64) -> Vec<bool> {
+    let most = bound * bound;
+    squares(problem, map)
+        .map(|square| square.is_some_and(|square| square <= most))
+        .collect()
 }
 
 /// Refines what a map explains to within `bound`. Views and landmarks that this leaves without enough
@@ -80,7 +122,7 @@ pub fn fixed_point(
     mut map: Map,
     mut kept: Vec<bool>,
     options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
+) -> Result<Option<Consensus>, Error> {
     for _ in 0..CHANGES {
         let subset = problem.subset(&kept);
         let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
@@ -88,7 +130,7 @@ pub fn fixed_point(
         };
         let next = inliers(problem, &map, OUTLIER);
         if next == kept {
-            return Ok(Some(Settled {
+            return Ok(Some(Consensus {
                 cost: cost(problem, &map, OUTLIER),
                 map,
                 inliers: kept,
@@ -104,11 +146,11 @@ pub fn fixed_point(
 ///
 /// # Errors
 /// As [`descend`].
-pub fn settle(
+pub fn to_consensus(
     problem: &Problem,
     mut map: Map,
     options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
+) -> Result<Option<Consensus>, Error> {
     for bound in NARROWING {
         descend(problem, &mut map, bound, ITERATIONS, options)?;
     }
@@ -116,7 +158,7 @@ pub fn settle(
     fixed_point(problem, map, kept, options)
 }
 
-impl Settled {
+impl Consensus {
     /// The result of a plain solve of the inliers of its map.
     pub fn of(problem: &Problem, found: Reconstruction) -> Self {
         Self {

@@ -5,8 +5,7 @@
 //! the good bearing that contradicts it is large. What the residuals would be without it is foreseen to
 //! first order.
 
-use super::consensus::{Settled, fixed_point};
-use super::objective::OUTLIER;
+use super::consensus::{Consensus, OUTLIER, fixed_point};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::problem::Problem;
@@ -29,9 +28,9 @@ const SUCCESSES: usize = 20;
 /// Those of the refinement.
 pub fn exchange(
     problem: &Problem,
-    mut best: Settled,
+    mut best: Consensus,
     options: &RefineOptions,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     for _ in 0..SUCCESSES {
         let mut lower = None;
         for set in promising(problem, &best) {
@@ -54,7 +53,7 @@ pub fn exchange(
 }
 
 /// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
-fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
+fn promising(problem: &Problem, best: &Consensus) -> Vec<Vec<usize>> {
     let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };

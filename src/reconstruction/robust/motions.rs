@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! One view against its neighbours in the odometry and the landmarks of the map.
 
-use super::objective::{OUTLIER, square};
+use super::consensus::{OUTLIER, square};
 use crate::geometry::{Pose, pose};
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Tie};

@@ -4,7 +4,7 @@
 //! The smallest sets of sightings that fix it are tried, three for a view and two for a landmark; the
 //! one with the least bounded cost is estimated anew from all that agrees with it.
 
-use super::objective::square;
+use super::consensus::square;
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Views and landmarks in other places.
 
-use super::super::options::{Progress, tell};
-use super::consensus::{ITERATIONS, Settled, descend, fixed_point, settle};
+use super::super::options::{Progress, report_progress};
+use super::consensus::{
+    Consensus, ITERATIONS, OUTLIER, cost, descend, fixed_point, inliers, to_consensus,
+};
 use super::motions::Motions;
-use super::objective::{OUTLIER, cost, inliers};
 use super::place::{Placed, place_landmark, place_view};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
@@ -31,13 +32,13 @@ const ROUNDS: usize = 10;
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn replace(
+pub fn reestimate_each(
     problem: &Problem,
-    mut best: Settled,
+    mut best: Consensus,
     options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     let motions = Motions::new(problem);
     // Bearings alone know nothing of the motions of a view.
     let is_better = |map: &Map, view: usize, place: &Pose<f64>| {
@@ -46,7 +47,7 @@ pub fn replace(
         present.is_none_or(|present| cost_at(place) < cost_at(&present))
     };
     for round in 0..ROUNDS {
-        if !tell(progress, "replace", round, ROUNDS) {
+        if !report_progress(progress, "replace", round, ROUNDS) {
             return Err(Error::Interrupted);
         }
         let mut map = best.map.clone();
@@ -87,20 +88,20 @@ enum Move {
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn relocate(
+pub fn reassign(
     problem: &Problem,
-    mut best: Settled,
+    mut best: Consensus,
     options: &RefineOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     // Where each try moves hundreds of views, only one that promises something is followed to its end.
     let tied = !problem.ties().is_empty();
     for _ in 0..ROUNDS {
         let mut lower = None;
         let limit = best.cost + (WORSE * OUTLIER * OUTLIER / 2.0);
         for (tried, (bound, place)) in moves(problem, &best.map, random).into_iter().enumerate() {
-            if !tell(progress, "relocate", tried, TRIED) {
+            if !report_progress(progress, "relocate", tried, TRIED) {
                 return Err(Error::Interrupted);
             }
             let mut map = best.map.clone();
@@ -112,7 +113,7 @@ pub fn relocate(
             if tied && cost(problem, &map, OUTLIER) > limit {
                 continue;
             }
-            lower = settle(problem, map, options)?.filter(|found| found.is_below(&best));
+            lower = to_consensus(problem, map, options)?.filter(|found| found.is_below(&best));
             if lower.is_some() {
                 break;
             }

@@ -2,17 +2,16 @@
 //! The map that explains most of the bearings, and which these are.
 
 use super::super::attempt::recoverable;
-use super::super::infinity::take_out_unbounded;
+use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{assess, refuse_chance, refuse_free};
-use super::super::options::{Progress, Search, SolveOptions, tell};
+use super::super::options::{Progress, Search, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
-use super::consensus::{Settled, fixed_point, settle};
+use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
 use super::exchange::exchange;
 use super::expand::expand;
-use super::objective::{OUTLIER, inliers};
-use super::reassign::{relocate, replace};
+use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
@@ -78,7 +77,8 @@ pub fn solve_robust(
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
     let best = lowest(problem, options, &mut random, progress)?;
     let best = improve(problem, best, options, &mut random, progress)?;
-    let [best, rivals @ ..] = &last_word(problem, best, options, progress)?[..] else {
+    let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
+    else {
         return Err(NOTHING);
     };
     let mut found = reconstruction(problem, best);
@@ -123,17 +123,17 @@ fn lowest(
     options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     let commons: Vec<Common> = triples::draw(problem, SAMPLE, ALL_TRIPLES, options.seed)
         .into_iter()
         .map(|views| Common::new(problem, views))
         .collect();
     if commons.is_empty() {
-        return from_plain(problem, options, random, progress);
+        return from_plain_hypotheses(problem, options, random, progress);
     }
-    let mut found: Vec<(Settled, [usize; 3])> = Vec::new();
+    let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
     for round in 0..ROUNDS {
-        if !tell(progress, "search", round, ROUNDS) {
+        if !report_progress(progress, "search", round, ROUNDS) {
             return Err(Error::Interrupted);
         }
         let some = commons.iter().cycle().skip(round * TRIPLES % commons.len());
@@ -143,81 +143,82 @@ fn lowest(
             .collect();
         seeds.sort_by(|a, b| b.support.total_cmp(&a.support));
         for (done, seed) in seeds.iter().take(GROWN).enumerate() {
-            if !tell(progress, "grow", done, GROWN) {
+            if !report_progress(progress, "grow", done, GROWN) {
                 return Err(Error::Interrupted);
             }
             for motion in branches(problem, seed) {
                 let map = expand(problem, seed, motion, &options.refine, random)?;
-                let Some(settled) = settle(problem, map, &options.refine)? else {
+                let Some(consensus) = to_consensus(problem, map, &options.refine)? else {
                     continue;
                 };
-                let settled = replace(problem, settled, &options.refine, random, progress)?;
-                let confirmed = confirms(&found, &settled, seed.views);
-                found.push((settled, seed.views));
+                let consensus =
+                    reestimate_each(problem, consensus, &options.refine, random, progress)?;
+                let confirmed = confirms(&found, &consensus, seed.views);
+                found.push((consensus, seed.views));
                 if confirmed {
-                    return polished(problem, found, options);
+                    return exchanged(problem, found, options);
                 }
             }
         }
         let drawn = (round + 1) * TRIPLES * SAMPLES;
-        if best_of(found.iter().map(|(settled, _)| settled))
+        if best_of(found.iter().map(|(consensus, _)| consensus))
             .is_ok_and(|best| drawn as f64 * good_samples(best) > GOOD_SAMPLES)
         {
             break;
         }
     }
-    polished(problem, found, options)
+    exchanged(problem, found, options)
 }
 
 /// The best of some minima, once sightings have been exchanged in the lowest few.
-fn polished(
+fn exchanged(
     problem: &Problem,
-    found: Vec<(Settled, [usize; 3])>,
+    found: Vec<(Consensus, [usize; 3])>,
     options: &SolveOptions,
-) -> Result<Settled, Error> {
-    let mut found: Vec<Settled> = found.into_iter().map(|(settled, _)| settled).collect();
+) -> Result<Consensus, Error> {
+    let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
     found.truncate(POLISHED);
-    let polished: Result<Vec<_>, Error> = found
+    let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
-        .map(|settled| exchange(problem, settled, &options.refine))
+        .map(|consensus| exchange(problem, consensus, &options.refine))
         .collect();
-    best_of(polished?.into_iter())
+    best_of(exchanged?.into_iter())
 }
 
 /// Whether a minimum is as low as any, and another triple of views has led to nearly the same.
-fn confirms(found: &[(Settled, [usize; 3])], settled: &Settled, views: [usize; 3]) -> bool {
+fn confirms(found: &[(Consensus, [usize; 3])], consensus: &Consensus, views: [usize; 3]) -> bool {
     found
         .iter()
-        .all(|(other, _)| other.cost >= settled.cost || other.agrees(settled, CONFIRMS))
+        .all(|(other, _)| other.cost >= consensus.cost || other.agrees(consensus, CONFIRMS))
         && found
             .iter()
-            .any(|(other, from)| *from != views && other.agrees(settled, CONFIRMS))
+            .any(|(other, from)| *from != views && other.agrees(consensus, CONFIRMS))
 }
 
 /// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
-fn good_samples(best: &Settled) -> f64 {
+fn good_samples(best: &Consensus) -> f64 {
     let inliers = best.inliers.iter().filter(|inlier| **inlier).count();
     let share = inliers as f64 / best.inliers.len() as f64;
     (0..3 * SAMPLE).fold(1.0, |product, _| product * share)
 }
 
 /// The minimum that the plain hypotheses lead to: for problems too small for samples.
-fn from_plain(
+fn from_plain_hypotheses(
     problem: &Problem,
     options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     let search = Search::default();
     let hypotheses = hypotheses::search(problem, search, options.seed, progress)?;
     let mut found = Vec::new();
     for hypothesis in hypotheses.maps.into_iter().take(PLAIN) {
-        if let Some(settled) = settle(problem, hypothesis.map, &options.refine)? {
-            found.push(replace(
+        if let Some(consensus) = to_consensus(problem, hypothesis.map, &options.refine)? {
+            found.push(reestimate_each(
                 problem,
-                settled,
+                consensus,
                 &options.refine,
                 random,
                 progress,
@@ -228,10 +229,10 @@ fn from_plain(
 }
 
 /// The one with the least cost.
-fn best_of<S: core::borrow::Borrow<Settled>>(found: impl Iterator<Item = S>) -> Result<S, Error> {
+fn best_of<S: core::borrow::Borrow<Consensus>>(found: impl Iterator<Item = S>) -> Result<S, Error> {
     found
         .min_by(|a, b| {
-            let [a, b] = [a, b].map(|settled| settled.borrow().cost);
+            let [a, b] = [a, b].map(|consensus| consensus.borrow().cost);
             a.total_cmp(&b)
         })
         .ok_or(NOTHING)
@@ -249,19 +250,19 @@ fn branches<'a>(
 /// Lowers the best map as far as single changes go.
 fn improve(
     problem: &Problem,
-    mut best: Settled,
+    mut best: Consensus,
     options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     loop {
-        if !tell(progress, "improve", 0, 1) {
+        if !report_progress(progress, "improve", 0, 1) {
             return Err(Error::Interrupted);
         }
         best = exchange(problem, best, &options.refine)?;
         let cost = best.cost;
-        best = replace(problem, best, &options.refine, random, progress)?;
-        best = relocate(problem, best, &options.refine, random, progress)?;
+        best = reestimate_each(problem, best, &options.refine, random, progress)?;
+        best = reassign(problem, best, &options.refine, random, progress)?;
         // Each round lowers the cost by more than rounding, or is the last.
         if !(best.cost < cost) {
             return Ok(best);
@@ -271,12 +272,12 @@ fn improve(
 
 /// The best map and its rivals, once the plain search has seen the inliers: it knows the second motion
 /// of three views, and on good bearings robust and plain solve agree.
-fn last_word(
+fn confirm_by_plain_search(
     problem: &Problem,
-    best: Settled,
+    best: Consensus,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Settled>, Error> {
+) -> Result<Vec<Consensus>, Error> {
     let options = SolveOptions {
         robust: false,
         ..*options
@@ -288,7 +289,7 @@ fn last_word(
         let rivals = core::mem::take(&mut found.alternatives);
         for found in core::iter::once(found).chain(rivals) {
             if inliers(problem, &found.map, OUTLIER) == best.inliers {
-                all.push(Settled::of(problem, found));
+                all.push(Consensus::of(problem, found));
             } else {
                 let inliers = best.inliers.clone();
                 all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
@@ -299,24 +300,24 @@ fn last_word(
     // Where they are the same, the map of the plain search is the one.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
-    let mut distinct: Vec<Settled> = Vec::new();
-    for settled in all {
+    let mut distinct: Vec<Consensus> = Vec::new();
+    for consensus in all {
         let limit = distinct.first().map(|best| best.cost + RIVAL);
-        if limit.is_none_or(|limit| settled.cost < limit)
-            && distinct.iter().all(|other| !other.is_same(&settled))
+        if limit.is_none_or(|limit| consensus.cost < limit)
+            && distinct.iter().all(|other| !other.is_same(&consensus))
         {
-            distinct.push(settled);
+            distinct.push(consensus);
         }
     }
     Ok(distinct)
 }
 
 /// What is known of a map: made from its inliers, with the residuals of all.
-pub fn reconstruction(problem: &Problem, best: &Settled) -> Reconstruction {
+pub fn reconstruction(problem: &Problem, best: &Consensus) -> Reconstruction {
     let kept = problem.subset(&best.inliers);
     let mut found = Reconstruction::new(&kept, &best.map, best.report.clone());
     let map: Map = found.map.clone();
-    take_out_unbounded(&kept, &mut found);
+    drop_landmarks_at_infinity(&kept, &mut found);
     assess(&kept, &mut found);
     found.cost = best.cost;
     found.residuals = vec![None; problem.sightings().len()];

@@ -3,7 +3,7 @@
 
 use super::super::grow::{grow, score};
 use super::super::judge::near;
-use super::super::options::{Progress, Search, tell};
+use super::super::options::{Progress, Search, report_progress};
 use super::tensor_circle::{Circle, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
@@ -69,7 +69,7 @@ pub fn search(
     let mut failure = None;
     let mut seeds = Vec::with_capacity(drawn.len());
     for (done, &views) in drawn.iter().enumerate() {
-        if !tell(progress, "search", done, drawn.len()) {
+        if !report_progress(progress, "search", done, drawn.len()) {
             return Err(Error::Interrupted);
         }
         let (triples, _) = common_bearings(problem, views);
@@ -82,7 +82,7 @@ pub fn search(
     let mut scored: Scored = Vec::new();
     let total = seeds.len().min(search.grown);
     for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
-        if !tell(progress, "grow", triple, total) {
+        if !report_progress(progress, "grow", triple, total) {
             return Err(Error::Interrupted);
         }
         match three_view(triples, Method::Calibrated { reweights: 1 }) {
@@ -153,7 +153,7 @@ fn sweep(
 ) -> Result<Scored, Error> {
     let mut scored = Vec::new();
     for (triple, &views) in triples.iter().enumerate() {
-        if !tell(progress, "search", triple, triples.len()) {
+        if !report_progress(progress, "search", triple, triples.len()) {
             return Err(Error::Interrupted);
         }
         let found = along_circle(problem, views, circle).into_iter();

@@ -8,7 +8,7 @@
 
 use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same, variance};
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::super::result::Reconstruction;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
@@ -204,7 +204,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             max_iterations,
             ..*self.options
         };
-        let mut watch = |_, _| tell(self.progress, "refine", done, total);
+        let mut watch = |_, _| report_progress(self.progress, "refine", done, total);
         let refined = refine_map(self.problem, &mut map, &options, Some(&mut watch));
         match recoverable(refined)? {
             Ok(mut report) => {

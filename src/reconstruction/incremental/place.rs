@@ -13,7 +13,11 @@ use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use nalgebra::{Point2, Translation2, Vector2};
 
 /// A view from the landmarks that have a place: how it was found, its pose and how that fits.
-pub fn view(problem: &Problem, map: &Map, view: usize) -> Option<(Resection<f64>, Pose<f64>, Fit)> {
+pub fn place_view(
+    problem: &Problem,
+    map: &Map,
+    view: usize,
+) -> Option<(Resection<f64>, Pose<f64>, Fit)> {
     let seen = map.seen(problem, view);
     let found = resect(seen.clone().map(|(point, s)| (point, s.bearing))).ok()?;
     let pose = found.pose;
@@ -34,7 +38,7 @@ pub fn view(problem: &Problem, map: &Map, view: usize) -> Option<(Resection<f64>
 }
 
 /// A landmark from the views that have a pose: where their rays meet, and how that fits.
-pub fn landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
+pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
     let rays = map.rays(problem, landmark);
     rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1)?;
     let found = triangulate(rays.clone().map(|(pose, s)| (pose, s.bearing))).ok()?;
