@@ -15,6 +15,6 @@ pub(crate) mod search;
 mod solve;
 pub(crate) mod strategy;
 
-pub use options::{Progress, Search, SolveOptions, Strategy};
+pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};

@@ -6,8 +6,8 @@ use super::problem::RawProblem;
 use super::result;
 use super::watch::Watcher;
 use crate::{
-    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, Search, SolveOptions,
-    Strategy,
+    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, SearchOptions,
+    SolveOptions, Strategy,
 };
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -108,6 +108,12 @@ pub fn refine<'py>(
 fn options(py: Python<'_>, search: &RawSearch, refine: &RawRefine) -> PyResult<SolveOptions> {
     Ok(SolveOptions {
         strategy: search.strategy(py)?,
+        search: SearchOptions {
+            triples: search.triples,
+            grown: search.grown,
+            candidates: search.candidates,
+            swept: search.swept,
+        },
         refine: refine.read(py)?,
         seed: search.seed,
         robust: search.robust,
@@ -117,12 +123,7 @@ fn options(py: Python<'_>, search: &RawSearch, refine: &RawRefine) -> PyResult<S
 impl RawSearch {
     fn strategy(&self, py: Python<'_>) -> PyResult<Strategy> {
         match self.method.as_str() {
-            "search" => Ok(Strategy::Search(Search {
-                triples: self.triples,
-                grown: self.grown,
-                candidates: self.candidates,
-                swept: self.swept,
-            })),
+            "search" => Ok(Strategy::Search),
             "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
             "projective" => Ok(Strategy::FirstViews(Method::Projective)),
             "incremental" => Ok(Strategy::Incremental),

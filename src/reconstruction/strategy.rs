@@ -35,7 +35,7 @@ fn is_limited(problem: &Problem) -> bool {
 /// The strategy that is effective: the search gives way to growth under limited sight.
 fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
     match strategy {
-        Strategy::Search(_) if is_limited(problem) => Strategy::Incremental,
+        Strategy::Search if is_limited(problem) => Strategy::Incremental,
         other => other,
     }
 }
@@ -76,7 +76,7 @@ pub fn lowest(
             let map = first_three::initialize_from_first_three(problem, method)?;
             plain::from_map(problem, map, options, progress)
         }
-        Strategy::Search(search) => plain::lowest(problem, search, options, progress),
+        Strategy::Search => plain::lowest(problem, options, progress),
         Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
     }
 }
@@ -95,7 +95,7 @@ fn components(
             let starts = global::starts(problem, *seed, progress)?;
             incremental::finish_all(problem, refine, starts, progress)
         }
-        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(Vec::new()),
+        Strategy::Search | Strategy::FirstViews(_) => Ok(Vec::new()),
     }
 }
 
@@ -112,7 +112,7 @@ pub fn first_maps(
     let grown = match effective(problem, options.strategy) {
         Strategy::Incremental => incremental::first(problem, refine, *seed, progress)?,
         Strategy::Global => global::starts(problem, *seed, progress)?.into_iter().next(),
-        Strategy::Search(_) | Strategy::FirstViews(_) => None,
+        Strategy::Search | Strategy::FirstViews(_) => None,
     };
     if let Some(map) = grown {
         return Ok(vec![map]);
@@ -121,8 +121,8 @@ pub fn first_maps(
         Strategy::FirstViews(method) => Ok(vec![first_three::initialize_from_first_three(
             problem, method,
         )?]),
-        Strategy::Search(search) => {
-            let found = hypotheses::search(problem, search, *seed, progress)?;
+        Strategy::Search => {
+            let found = hypotheses::search(problem, &options.search, *seed, progress)?;
             let maps = found.maps.into_iter().take(2);
             Ok(maps.map(|hypothesis| hypothesis.map).collect())
         }

@@ -4,7 +4,7 @@
 use super::super::attempt::recoverable;
 use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{assess, refuse_chance, refuse_free};
-use super::super::options::{Progress, Search, SolveOptions, report_progress};
+use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
@@ -211,8 +211,8 @@ fn from_plain_hypotheses(
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    let search = Search::default();
-    let hypotheses = hypotheses::search(problem, search, options.seed, progress)?;
+    let search = SearchOptions::default();
+    let hypotheses = hypotheses::search(problem, &search, options.seed, progress)?;
     let mut found = Vec::new();
     for hypothesis in hypotheses.maps.into_iter().take(PLAIN) {
         if let Some(consensus) = to_consensus(problem, hypothesis.map, &options.refine)? {

@@ -3,7 +3,7 @@
 
 use super::super::grow::{grow, score};
 use super::super::judge::near;
-use super::super::options::{Progress, Search, report_progress};
+use super::super::options::{Progress, SearchOptions, report_progress};
 use super::tensor_circle::{Circle, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
@@ -41,7 +41,7 @@ type Scored = Vec<(f64, Hypothesis)>;
 /// Maps grown from many triples of views, the best score first.
 pub fn search(
     problem: &Problem,
-    search: Search,
+    search: &SearchOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Hypotheses, Error> {

@@ -3,7 +3,7 @@
 
 use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::choose;
-use super::super::options::{Progress, Search, SolveOptions};
+use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::hypotheses;
 use super::minima::Minima;
@@ -16,11 +16,11 @@ use crate::problem::{Map, Problem};
 /// As [`solve`](super::super::solve).
 pub fn lowest(
     problem: &Problem,
-    search: Search,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut hypotheses = hypotheses::search(problem, search, options.seed, progress)?;
+    let mut hypotheses = hypotheses::search(problem, &options.search, options.seed, progress)?;
+    let search = &options.search;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
     let mut minima = Minima::new(problem, &options.refine, progress);
     if hypotheses.unique {
