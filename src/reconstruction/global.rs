@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Most views: the systems are dense in the views.
+/// Most views: the systems are dense in the views. No option: a bound of the method, as its error says.
 const MAX_VIEWS: usize = 1024;
 
 /// A map without refinement for each set of views that triples connect, the largest first; none when

@@ -54,7 +54,8 @@ pub fn grow(problem: &Problem, map: &mut Map) {
     }
 }
 
-/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`].
+/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`]. No option: scores are only compared with
+/// each other, and this fixes what they are.
 const HALF_EXPLAINED: f64 = 0.1;
 
 /// The robust cost of a map over all sightings of the problem, between 0 and their number.

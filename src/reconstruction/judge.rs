@@ -11,27 +11,43 @@ use crate::problem::{Map, Problem, Undetermined, Why};
 use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
 
-/// Fewest degrees of freedom for which the cost alone tells a right minimum.
-const TELLING_FREEDOM: usize = 20;
+/// What is asked of a map.
+#[derive(Clone, Copy, Debug)]
+struct JudgeOptions {
+    /// Fewest degrees of freedom for which the cost alone tells a right minimum.
+    telling_freedom: usize,
+    /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
+    plausible_deviations: f64,
+    /// A map is a rival of another when its variance is at most this many times the other's: three times the
+    /// residuals.
+    rival_ratio: f64,
+    /// Positions over the size of the map, and headings \[rad\], by which two maps of one minimum differ less.
+    same: f64,
+    /// Sightings for each outlier, of which a plausible robust map has at least so many: `robust` is for up to a third.
+    sightings_per_outlier: usize,
+    /// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a tenth,
+    /// scenes with three outliers in ten one or more.
+    spare_per_outlier: f64,
+    /// So few outliers are no sign of chance, however few bearings there are.
+    few_outliers: usize,
+}
 
-/// Standard deviations of the cost by which that of the right minimum may differ from its mean.
-const PLAUSIBLE: f64 = 3.0;
+impl Default for JudgeOptions {
+    fn default() -> Self {
+        Self {
+            telling_freedom: 20,
+            plausible_deviations: 3.0,
+            rival_ratio: 9.0,
+            same: 1e-4,
+            sightings_per_outlier: 3,
+            spare_per_outlier: 0.25,
+            few_outliers: 2,
+        }
+    }
+}
 
-/// A map is a rival of another when its variance is at most this many times the other's: three times the
-/// residuals.
-const RIVAL: f64 = 9.0;
-
-/// Sightings for each outlier, of which a robust map has at least so many: `robust` is for up to a third.
-const SIGHTINGS_PER_OUTLIER: usize = 3;
-
-/// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a
-/// tenth, scenes with three outliers in ten one or more.
-const SPARE_PER_OUTLIER: f64 = 0.25;
-
-/// So few outliers are no sign of chance, however few bearings there are.
-const FEW_OUTLIERS: usize = 2;
-
-/// Costs whose ratio is closer to 1 than this are those of one minimum.
+/// Costs whose ratio is closer to 1 than this are those of one minimum. No option: it is what refinements of one minimum
+/// differ by.
 pub const SAME_COST: f64 = 1.0 - 1e-6;
 
 /// The estimated variance of a residual over sigma: twice the cost per degree of freedom, 1 when the standard
@@ -101,23 +117,26 @@ fn mean_weight(problem: &Problem) -> f64 {
 /// Whether the cost of a map from bearings alone is what the standard deviations of the sightings predict for
 /// the right minimum: neither above nor below it, because no wrong one comes so close.
 pub fn is_plausible(found: &Reconstruction) -> bool {
+    let options = JudgeOptions::default();
+    let bound = options.plausible_deviations;
     let freedom = found.freedom as f64;
     let deviation = (2.0 * found.cost - freedom).abs();
     found.termination == Termination::ZeroResidual
-        || (found.freedom >= TELLING_FREEDOM
+        || (found.freedom >= options.telling_freedom
             && found.undetermined.is_empty()
-            && deviation * deviation <= PLAUSIBLE * PLAUSIBLE * 2.0 * freedom)
+            && deviation * deviation <= bound * bound * 2.0 * freedom)
 }
 
 /// Whether the cost of a map with odometry and priors is no more than the standard deviations predict, and it
 /// reaches all that any start would. A lower cost is no objection.
 pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
+    let bound = JudgeOptions::default().plausible_deviations;
     let freedom = found.freedom as f64;
     let excess = 2.0 * found.cost - freedom;
     let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
     found.termination.was_successful()
         && found.undetermined.iter().all(hopeless)
-        && excess <= 0.0_f64.max(PLAUSIBLE * (2.0 * freedom).sqrt())
+        && excess <= 0.0_f64.max(bound * (2.0 * freedom).sqrt())
 }
 
 /// Whether a robust map with odometry and priors reaches all that any start would, with no more outliers than
@@ -136,7 +155,7 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
     let (_, outliers) = inliers_and_outliers(found);
     found.termination.was_successful()
         && found.undetermined.iter().all(hopeless)
-        && SIGHTINGS_PER_OUTLIER * outliers <= found.inliers.len()
+        && JudgeOptions::default().sightings_per_outlier * outliers <= found.inliers.len()
 }
 
 /// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
@@ -145,10 +164,11 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
 /// # Errors
 /// [`Error::NoConsensus`].
 pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
+    let options = JudgeOptions::default();
     let (inliers, outliers) = inliers_and_outliers(found);
     let share = found.freedom as f64 / outliers as f64;
     refuse_if(
-        outliers > FEW_OUTLIERS && share < SPARE_PER_OUTLIER,
+        outliers > options.few_outliers && share < options.spare_per_outlier,
         found,
         inliers,
     )
@@ -162,7 +182,7 @@ pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
 pub fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
     let (inliers, outliers) = inliers_and_outliers(found);
     refuse_if(
-        outliers > inliers && outliers > FEW_OUTLIERS,
+        outliers > inliers && outliers > JudgeOptions::default().few_outliers,
         found,
         inliers,
     )
@@ -186,7 +206,7 @@ fn inliers_and_outliers(found: &Reconstruction) -> (usize, usize) {
 
 /// Whether two normalised maps are the same minimum.
 pub fn same(a: &Map, b: &Map) -> bool {
-    near(a, b, 1e-4_f64.max(f64::EPSILON.sqrt()))
+    near(a, b, JudgeOptions::default().same)
 }
 
 /// Whether all poses of two normalised maps differ by less than a bound.
@@ -203,12 +223,13 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Reconstruction, Error> {
+    let ratio = JudgeOptions::default().rival_ratio;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = rounding(mean_weight(problem));
     // Of those that fit about as well as the best, the one that reaches most.
     let rank = |found: &Reconstruction| {
         let variance = variance(found);
-        let fits = is_as_good(variance, least, RIVAL, rounding);
+        let fits = is_as_good(variance, least, ratio, rounding);
         (!fits, if fits { missing(found) } else { 0 }, variance)
     };
     found.sort_by(|a, b| {
@@ -224,7 +245,7 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
     let least = variance(&best);
     for rival in found {
         let known = core::iter::once(&best).chain(&best.alternatives);
-        if is_as_good(variance(&rival), least, RIVAL, rounding)
+        if is_as_good(variance(&rival), least, ratio, rounding)
             && missing(&rival) == missing(&best)
             && known.into_iter().all(|other| !same(&rival.map, &other.map))
         {

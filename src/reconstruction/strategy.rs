@@ -14,10 +14,26 @@ use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Parts of the rule of [`is_limited`].
-const MANY_VIEWS: usize = 40;
-const FEW_VIEWS: usize = 8;
-const FILLED: f64 = 0.6;
+/// The rule of [`is_limited`].
+#[derive(Clone, Copy, Debug)]
+struct SightOptions {
+    /// Sight is limited with more views than this: no triple knows much of the whole.
+    many_views: usize,
+    /// With fewer views than this it is not.
+    few_views: usize,
+    /// In between it is when the views see less than this part of the landmarks on average.
+    filled: f64,
+}
+
+impl Default for SightOptions {
+    fn default() -> Self {
+        Self {
+            many_views: 40,
+            few_views: 8,
+            filled: 0.6,
+        }
+    }
+}
 
 /// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
 /// the landmarks on average.
@@ -29,7 +45,8 @@ fn is_limited(problem: &Problem) -> bool {
     let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
     let (views, landmarks) = (views.count(), landmarks.count());
     let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
-    views > MANY_VIEWS || (views >= FEW_VIEWS && filled < FILLED)
+    let options = SightOptions::default();
+    views > options.many_views || (views >= options.few_views && filled < options.filled)
 }
 
 /// The strategy that is effective: the search gives way to growth under limited sight.

@@ -4,16 +4,12 @@
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
 use super::super::judge;
+use super::options::IncrementalOptions;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
 use crate::problem::{Map, Problem};
 use nalgebra::{Matrix2, Point2, Vector2};
-
-/// Noise \[rad\] that is expected before anything has been measured: a good degree, and for how many
-/// residuals the expectation counts.
-const EXPECTED_NOISE: f64 = 0.02;
-const EXPECTED_COUNT: f64 = 6.0;
 
 /// Sum of squared residuals over sigma, and their number.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +52,7 @@ impl Fit {
 
 /// The noise of a map: root mean square of its residuals over sigma per degree of freedom, drawn
 /// towards what is expected while there are few.
-pub fn noise(problem: &Problem, map: &Map) -> f64 {
+pub fn noise(problem: &Problem, map: &Map, options: &IncrementalOptions) -> f64 {
     let (mut squares, mut weights, mut count) = (0.0, 0.0, 0);
     for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
         weights += s.weight * s.weight;
@@ -70,8 +66,8 @@ pub fn noise(problem: &Problem, map: &Map) -> f64 {
         3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
     let freedom = (count + 4_usize).saturating_sub(parameters) as f64;
     let all = problem.sightings().len().max(1) as f64;
-    let expected = (EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
-    let counted = EXPECTED_COUNT;
+    let expected = (options.expected_noise * options.expected_noise) * weights / all;
+    let counted = options.expected_count;
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 

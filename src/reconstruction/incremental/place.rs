@@ -62,7 +62,12 @@ pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(
 }
 
 /// A place so many times the size of the map out along the mean ray of a landmark that two views see.
-pub fn far_out(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
+pub fn far_out(
+    problem: &Problem,
+    map: &Map,
+    landmark: usize,
+    sizes: f64,
+) -> Option<(Point2<f64>, Fit)> {
     let mut count = 0;
     let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
     for (pose, s) in map.rays(problem, landmark) {
@@ -77,12 +82,9 @@ pub fn far_out(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<
         return None;
     }
     let middle = from / (count as f64);
-    let place = Point2::from(middle + sum.normalize() * (size(map) * FAR));
+    let place = Point2::from(middle + sum.normalize() * (size(map) * sizes));
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
 }
-
-/// So many times the size of the map is far out: beyond it the refinement tells infinity.
-const FAR: f64 = 30.0;
 
 /// The root mean square distance of the views from the first.
 fn size(map: &Map) -> f64 {

@@ -22,9 +22,19 @@ use crate::lm::Loss;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With
-/// fewer, the map from bearings alone costs little and is always tried.
-const MANY_VIEWS: usize = 40;
+/// Options of the choice of starts.
+#[derive(Clone, Copy, Debug)]
+struct PosteriorOptions {
+    /// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With fewer,
+    /// the map from bearings alone costs little and is always tried.
+    many_views: usize,
+}
+
+impl Default for PosteriorOptions {
+    fn default() -> Self {
+        Self { many_views: 40 }
+    }
+}
 
 /// Poses and landmarks of a problem with odometry or priors.
 ///
@@ -38,10 +48,11 @@ pub fn solve_posterior(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let many = problem.views() > MANY_VIEWS;
+    let many = problem.views() > PosteriorOptions::default().many_views;
     let mut attempts = Attempts {
         problem,
         options,
+        many,
         progress,
         found: Vec::new(),
         failure: NOTHING,
@@ -116,6 +127,8 @@ const NOTHING: Error = Error::Degenerate {
 struct Attempts<'a, 'p> {
     problem: &'a Problem,
     options: &'a SolveOptions,
+    /// Whether there are so many views that a plausible map is enough.
+    many: bool,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
     /// Why the last one that could not be refined could not.
@@ -130,7 +143,7 @@ impl Attempts<'_, '_> {
         } else {
             is_plausible_posterior
         };
-        self.problem.views() > MANY_VIEWS && self.found.iter().any(plausible)
+        self.many && self.found.iter().any(plausible)
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.

@@ -8,11 +8,12 @@
 use super::super::grow::score;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
-use super::super::robust::expand::{AGREEING_OF_LANDMARK, AGREEING_OF_VIEW, GROWING, extend};
+use super::super::robust::expand::extend;
 use super::super::robust::motions::{Motion, moved};
+use super::super::robust::options::RobustOptions;
 use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
-use super::super::robust::solve::{check_sigmas, reconstruction};
+use super::super::robust::solve::{check_sigmas, reconstruction, robust_options};
 use super::growth::{GrowthOptions, Placement, Shared, grow_along_odometry, laid_over};
 use super::sweeps::{cauchy_consensus, sweep_odometry};
 use crate::adjustment::RefineOptions;
@@ -63,9 +64,12 @@ pub fn along_odometry(
     let growth = GrowthOptions::default();
     let mut placement = RobustPlacement {
         problem,
-        refine: RefineOptions {
-            loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
-            ..options.refine
+        robust: RobustOptions {
+            refine: RefineOptions {
+                loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
+                ..options.refine
+            },
+            ..robust_options(options)
         },
         min_parallax: growth.min_parallax,
         options: RobustGrowthOptions::default(),
@@ -77,7 +81,7 @@ pub fn along_odometry(
 /// The placement that outliers do not spoil.
 struct RobustPlacement<'a> {
     problem: &'a Problem,
-    refine: RefineOptions,
+    robust: RobustOptions,
     min_parallax: f64,
     options: RobustGrowthOptions,
     random: ChaCha8Rng,
@@ -86,7 +90,17 @@ struct RobustPlacement<'a> {
 impl RobustPlacement<'_> {
     /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
     fn place_landmark(&mut self, map: &mut Map, landmark: usize) {
-        let found = place_landmark(self.problem, map, landmark, GROWING, 1, &mut self.random);
+        let options = &self.robust;
+        let bound = options.growing_bound;
+        let found = place_landmark(
+            self.problem,
+            map,
+            landmark,
+            bound,
+            1,
+            options,
+            &mut self.random,
+        );
         let Some(found) = found.first() else {
             return;
         };
@@ -95,7 +109,7 @@ impl RobustPlacement<'_> {
             .filter(|(_, agrees)| **agrees)
             .map(|((pose, s), _)| (pose, s.bearing));
         let parallax = triangulate(agreeing).map_or(0.0, |found| found.parallax);
-        let held = found.count() >= AGREEING_OF_LANDMARK && parallax > self.min_parallax;
+        let held = found.count() >= options.agreeing_of_landmark && parallax > self.min_parallax;
         map.landmarks[landmark] = held.then_some(found.place);
     }
 }
@@ -106,7 +120,7 @@ impl Placement for RobustPlacement<'_> {
     }
 
     fn refine_options(&self) -> RefineOptions {
-        self.refine
+        self.robust.refine
     }
 
     fn next_refinement(&self, count: usize) -> usize {
@@ -114,7 +128,7 @@ impl Placement for RobustPlacement<'_> {
     }
 
     fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
-        moved(self.problem, map, from, motion)
+        moved(self.problem, map, from, motion, self.robust.motion_steps)
     }
 
     fn place_landmarks_of(&mut self, map: &mut Map, view: usize) {
@@ -169,15 +183,16 @@ impl Placement for RobustPlacement<'_> {
     }
 
     fn complete(&mut self, map: &mut Map) -> Result<(), Error> {
-        extend(self.problem, map, &self.refine, &mut self.random)
+        extend(self.problem, map, &self.robust, &mut self.random)
     }
 }
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
 /// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
 pub fn is_searchable(problem: &Problem) -> bool {
+    let enough = RobustOptions::default().agreeing_of_view;
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
-    let enough = counts.clone().filter(|&count| count >= AGREEING_OF_VIEW);
+    let enough = counts.clone().filter(|&count| count >= enough);
     2 * enough.count() > counts.filter(|&count| count > 0).count()
 }
 
@@ -196,14 +211,11 @@ pub fn from_start(
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let plain = RefineOptions {
-        loss: Loss::Squared,
-        ..options.refine
-    };
-    let Some(consensus) = cauchy_consensus(problem, start.clone(), &plain)? else {
+    let robust = robust_options(options);
+    let Some(consensus) = cauchy_consensus(problem, start.clone(), &robust)? else {
         return Ok(None);
     };
-    let consensus = reestimate_each(problem, consensus, &plain, &mut random, progress)?;
-    let consensus = sweep_odometry(problem, consensus, &plain, &mut random, progress)?;
+    let consensus = reestimate_each(problem, consensus, &robust, &mut random, progress)?;
+    let consensus = sweep_odometry(problem, consensus, &robust, &mut random, progress)?;
     Ok(Some(reconstruction(problem, &consensus)))
 }

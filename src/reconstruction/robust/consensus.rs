@@ -8,6 +8,7 @@
 use super::super::attempt::attempt;
 use super::super::judge::same;
 use super::super::result::Reconstruction;
+use super::options::RobustOptions;
 use crate::adjustment::{RefineOptions, Report, cost_of_ties};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -16,20 +17,11 @@ use crate::problem::{Map, Problem, Seen};
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
-/// Standard deviations beyond which a bearing is an outlier.
+/// Standard deviations beyond which a bearing is an outlier. No option: it defines the cost.
 pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 
-/// Bounds, in standard deviations, on the way from a growing map to the final one.
-const NARROWING: [f64; 2] = [6.0, 4.0];
-
-/// Iterations of refinement at each of them.
-pub const ITERATIONS: usize = 4;
-
-/// Most changes of the set of inliers. Each lowers the cost, so they end by themselves, after two or
-/// three as a rule.
-const CHANGES: usize = 30;
-
-/// A cost is lower when it is by more than this part: the tolerance of the refinement and more.
+/// A cost is lower when it is by more than this part: the tolerance of the refinement and more. No option: two costs
+/// nearer to each other are equal but for rounding.
 const LOWER: f64 = 1.0 - 1e-9;
 
 /// A map at a fixed point: the refinement of its inliers.
@@ -91,7 +83,7 @@ pub fn descend(
     map: &mut Map,
     bound: f64,
     iterations: usize,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<(), Error> {
     let kept = problem.subset(&inliers(problem, map, bound));
     refined(&kept, map, iterations, options).map(|_| ())
@@ -102,11 +94,11 @@ fn refined(
     problem: &Problem,
     map: &mut Map,
     iterations: usize,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<Option<Report>, Error> {
     let options = RefineOptions {
-        max_iterations: options.max_iterations.min(iterations),
-        ..*options
+        max_iterations: options.refine.max_iterations.min(iterations),
+        ..options.refine
     };
     attempt(problem, map, &options, None)
 }
@@ -121,9 +113,9 @@ pub fn fixed_point(
     problem: &Problem,
     mut map: Map,
     mut kept: Vec<bool>,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for _ in 0..CHANGES {
+    for _ in 0..options.inlier_changes {
         let subset = problem.subset(&kept);
         let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
             return Ok(None);
@@ -149,10 +141,11 @@ pub fn fixed_point(
 pub fn to_consensus(
     problem: &Problem,
     mut map: Map,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for bound in NARROWING {
-        descend(problem, &mut map, bound, ITERATIONS, options)?;
+    for bound in options.narrowing_bounds {
+        let iterations = options.narrowing_iterations;
+        descend(problem, &mut map, bound, iterations, options)?;
     }
     let kept = inliers(problem, &map, OUTLIER);
     fixed_point(problem, map, kept, options)

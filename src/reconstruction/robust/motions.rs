@@ -8,9 +8,6 @@ use crate::problem::{Map, Problem, Tie};
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-/// Steps of Gauss-Newton for one view.
-const STEPS: usize = 10;
-
 /// A motion from a view, as the pose of its other end in its frame.
 pub struct Motion {
     pub end: usize,
@@ -88,9 +85,15 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
 /// The pose at the end of a motion from a known pose: the least of its square and of Cauchy's loss of the
 /// bearings of what the map has.
 ///
-/// The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
+/// At most `steps` of Gauss-Newton. The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
 /// turns.
-pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
+pub fn moved(
+    problem: &Problem,
+    map: &Map,
+    from: &Pose<f64>,
+    motion: &Motion,
+    steps: usize,
+) -> Pose<f64> {
     let predicted = from * motion.delta;
     let seen: Vec<_> = map.seen(problem, motion.end).collect();
     let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
@@ -116,7 +119,7 @@ pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) ->
     };
     let mut best = predicted;
     let (mut cost, mut gradient, mut normal) = linearize(&best);
-    for _ in 0..STEPS {
+    for _ in 0..steps {
         let Some(factor) = normal.cholesky() else {
             break;
         };

@@ -11,6 +11,7 @@ use super::super::strategy;
 use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
 use super::exchange::exchange;
 use super::expand::expand;
+use super::options::RobustOptions;
 use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::adjustment::RefineOptions;
@@ -24,37 +25,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 /// Largest standard deviation with which outliers can be told \[rad\]: three of them to both sides are a
-/// third of the circle, and every third random bearing is no outlier.
+/// third of the circle, and every third random bearing is no outlier. No option: a bound of the method.
 const COARSEST: f64 = 0.35;
-
-/// Triples of views that samples are drawn from in a round, and samples of each: when three bearings in
-/// ten are wrong, three samples in a hundred are good.
-const TRIPLES: usize = 16;
-const SAMPLES: usize = 40;
-
-/// Seeds that are grown in a round, and most rounds: all of them take a second or two at 12 x 15, where
-/// half of the bearings are wrong.
-const GROWN: usize = 6;
-const ROUNDS: usize = 24;
-
-/// Most triples in all; rounds beyond them draw new samples of the same.
-const ALL_TRIPLES: usize = 128;
-
-/// Good samples that are wanted before the search ends without a confirmation: not every one is exact
-/// enough to lead to the map.
-const GOOD_SAMPLES: f64 = 30.0;
-
-/// Two maps confirm each other when they share so many in a hundred of their inliers.
-const CONFIRMS: usize = 95;
-
-/// The lowest minima in which sightings are exchanged before the best is chosen.
-const POLISHED: usize = 3;
-
-/// Another minimum is a rival when it costs no more than two outliers more.
-const RIVAL: f64 = OUTLIER * OUTLIER;
-
-/// Plain hypotheses that are followed when no three views share enough landmarks for a sample.
-const PLAIN: usize = 6;
 
 /// The map that explains most of the bearings, and which these are.
 ///
@@ -66,18 +38,16 @@ pub fn solve_robust(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     check_sigmas(problem)?;
-    // Outliers are told apart here; what is left counts with its squares.
+    let robust = &robust_options(options);
     let options = &SolveOptions {
-        refine: RefineOptions {
-            loss: Loss::Squared,
-            ..options.refine
-        },
+        refine: robust.refine,
         ..*options
     };
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let best = lowest(problem, options, &mut random, progress)?;
-    let best = improve(problem, best, options, &mut random, progress)?;
-    let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
+    let best = lowest(problem, options, robust, &mut random, progress)?;
+    let best = improve(problem, best, robust, &mut random, progress)?;
+    let [best, rivals @ ..] =
+        &confirm_by_plain_search(problem, best, options, robust, progress)?[..]
     else {
         return Err(NOTHING);
     };
@@ -89,6 +59,19 @@ pub fn solve_robust(
         .map(|rival| reconstruction(problem, rival))
         .collect();
     Ok(found)
+}
+
+/// The options of this stage for those of a solve.
+///
+/// Outliers are told apart by this stage; what is left counts with its squares.
+pub fn robust_options(options: &SolveOptions) -> RobustOptions {
+    RobustOptions {
+        refine: RefineOptions {
+            loss: Loss::Squared,
+            ..options.refine
+        },
+        ..RobustOptions::default()
+    }
 }
 
 /// No seed has led to a map.
@@ -121,80 +104,87 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
 fn lowest(
     problem: &Problem,
     options: &SolveOptions,
+    robust: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    let commons: Vec<Common> = triples::draw(problem, SAMPLE, ALL_TRIPLES, options.seed)
+    let commons: Vec<Common> = triples::draw(problem, SAMPLE, robust.all_triples, options.seed)
         .into_iter()
         .map(|views| Common::new(problem, views))
         .collect();
     if commons.is_empty() {
-        return from_plain_hypotheses(problem, options, random, progress);
+        return from_plain_hypotheses(problem, options.seed, robust, random, progress);
     }
     let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
-    for round in 0..ROUNDS {
-        if !report_progress(progress, "search", round, ROUNDS) {
+    for round in 0..robust.rounds {
+        if !report_progress(progress, "search", round, robust.rounds) {
             return Err(Error::Interrupted);
         }
-        let some = commons.iter().cycle().skip(round * TRIPLES % commons.len());
+        let some = commons
+            .iter()
+            .cycle()
+            .skip(round * robust.triples % commons.len());
         let mut seeds: Vec<Seed> = some
-            .take(TRIPLES)
-            .filter_map(|common| common.best_seed(SAMPLES, random))
+            .take(robust.triples)
+            .filter_map(|common| common.best_seed(robust, random))
             .collect();
         seeds.sort_by(|a, b| b.support.total_cmp(&a.support));
-        for (done, seed) in seeds.iter().take(GROWN).enumerate() {
-            if !report_progress(progress, "grow", done, GROWN) {
+        for (done, seed) in seeds.iter().take(robust.grown).enumerate() {
+            if !report_progress(progress, "grow", done, robust.grown) {
                 return Err(Error::Interrupted);
             }
             for motion in branches(problem, seed) {
-                let map = expand(problem, seed, motion, &options.refine, random)?;
-                let Some(consensus) = to_consensus(problem, map, &options.refine)? else {
+                let map = expand(problem, seed, motion, robust, random)?;
+                let Some(consensus) = to_consensus(problem, map, robust)? else {
                     continue;
                 };
-                let consensus =
-                    reestimate_each(problem, consensus, &options.refine, random, progress)?;
-                let confirmed = confirms(&found, &consensus, seed.views);
+                let consensus = reestimate_each(problem, consensus, robust, random, progress)?;
+                let confirmed = confirms(&found, &consensus, seed.views, robust);
                 found.push((consensus, seed.views));
                 if confirmed {
-                    return exchanged(problem, found, options);
+                    return exchanged(problem, found, robust);
                 }
             }
         }
-        let drawn = (round + 1) * TRIPLES * SAMPLES;
+        let drawn = (round + 1) * robust.triples * robust.samples;
         if best_of(found.iter().map(|(consensus, _)| consensus))
-            .is_ok_and(|best| drawn as f64 * good_samples(best) > GOOD_SAMPLES)
+            .is_ok_and(|best| drawn as f64 * good_samples(best) > robust.good_samples)
         {
             break;
         }
     }
-    exchanged(problem, found, options)
+    exchanged(problem, found, robust)
 }
 
 /// The best of some minima, once sightings have been exchanged in the lowest few.
 fn exchanged(
     problem: &Problem,
     found: Vec<(Consensus, [usize; 3])>,
-    options: &SolveOptions,
+    options: &RobustOptions,
 ) -> Result<Consensus, Error> {
     let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
-    found.truncate(POLISHED);
+    found.truncate(options.exchanged);
     let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
-        .map(|consensus| exchange(problem, consensus, &options.refine))
+        .map(|consensus| exchange(problem, consensus, options))
         .collect();
     best_of(exchanged?.into_iter())
 }
 
 /// Whether a minimum is as low as any, and another triple of views has led to nearly the same.
-fn confirms(found: &[(Consensus, [usize; 3])], consensus: &Consensus, views: [usize; 3]) -> bool {
-    found
+fn confirms(
+    found: &[(Consensus, [usize; 3])],
+    consensus: &Consensus,
+    views: [usize; 3],
+    options: &RobustOptions,
+) -> bool {
+    found.iter().all(|(other, _)| {
+        other.cost >= consensus.cost || other.agrees(consensus, options.confirming_percent)
+    }) && found
         .iter()
-        .all(|(other, _)| other.cost >= consensus.cost || other.agrees(consensus, CONFIRMS))
-        && found
-            .iter()
-            .any(|(other, from)| *from != views && other.agrees(consensus, CONFIRMS))
+        .any(|(other, from)| *from != views && other.agrees(consensus, options.confirming_percent))
 }
 
 /// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
@@ -207,21 +197,18 @@ fn good_samples(best: &Consensus) -> f64 {
 /// The minimum that the plain hypotheses lead to: for problems too small for samples.
 fn from_plain_hypotheses(
     problem: &Problem,
-    options: &SolveOptions,
+    seed: u64,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
     let search = SearchOptions::default();
-    let hypotheses = hypotheses::search(problem, &search, options.seed, progress)?;
+    let hypotheses = hypotheses::search(problem, &search, seed, progress)?;
     let mut found = Vec::new();
-    for hypothesis in hypotheses.maps.into_iter().take(PLAIN) {
-        if let Some(consensus) = to_consensus(problem, hypothesis.map, &options.refine)? {
+    for hypothesis in hypotheses.maps.into_iter().take(options.plain_hypotheses) {
+        if let Some(consensus) = to_consensus(problem, hypothesis.map, options)? {
             found.push(reestimate_each(
-                problem,
-                consensus,
-                &options.refine,
-                random,
-                progress,
+                problem, consensus, options, random, progress,
             )?);
         }
     }
@@ -251,7 +238,7 @@ fn branches<'a>(
 fn improve(
     problem: &Problem,
     mut best: Consensus,
-    options: &SolveOptions,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
@@ -259,10 +246,10 @@ fn improve(
         if !report_progress(progress, "improve", 0, 1) {
             return Err(Error::Interrupted);
         }
-        best = exchange(problem, best, &options.refine)?;
+        best = exchange(problem, best, options)?;
         let cost = best.cost;
-        best = reestimate_each(problem, best, &options.refine, random, progress)?;
-        best = reassign(problem, best, &options.refine, random, progress)?;
+        best = reestimate_each(problem, best, options, random, progress)?;
+        best = reassign(problem, best, options, random, progress)?;
         // Each round lowers the cost by more than rounding, or is the last.
         if !(best.cost < cost) {
             return Ok(best);
@@ -276,6 +263,7 @@ fn confirm_by_plain_search(
     problem: &Problem,
     best: Consensus,
     options: &SolveOptions,
+    robust: &RobustOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Consensus>, Error> {
     let options = SolveOptions {
@@ -292,7 +280,7 @@ fn confirm_by_plain_search(
                 all.push(Consensus::of(problem, found));
             } else {
                 let inliers = best.inliers.clone();
-                all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
+                all.extend(fixed_point(problem, found.map, inliers, robust)?);
             }
         }
     }
@@ -302,7 +290,7 @@ fn confirm_by_plain_search(
     all.insert(if first { 0 } else { all.len() }, best);
     let mut distinct: Vec<Consensus> = Vec::new();
     for consensus in all {
-        let limit = distinct.first().map(|best| best.cost + RIVAL);
+        let limit = distinct.first().map(|best| best.cost + robust.rival_cost);
         if limit.is_none_or(|limit| consensus.cost < limit)
             && distinct.iter().all(|other| !other.is_same(&consensus))
         {

@@ -18,10 +18,45 @@ use crate::lm::Termination;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
+/// Options of the way from hypotheses to minima.
+#[derive(Clone, Copy, Debug)]
+struct MinimaOptions {
+    /// Iterations that every candidate gets: in the basin of a good minimum it gets there in fewer.
+    first_iterations: usize,
+    /// Most unfinished candidates that go on.
+    max_finished: usize,
+    /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+    hopeless_ratio: f64,
+    /// Fewest degrees of freedom for which the cost alone tells the right minimum when it took its time: of those
+    /// more are wrong.
+    sure_freedom: usize,
+    /// Other places of landmarks that are tried in a round.
+    moves: usize,
+    /// Rounds of such tries, each of which must have lowered the cost.
+    move_rounds: usize,
+    /// Iterations that each of them gets: what is not better by then is slow because it is worse.
+    moved_iterations: usize,
+}
+
+impl Default for MinimaOptions {
+    fn default() -> Self {
+        Self {
+            first_iterations: 8,
+            max_finished: 3,
+            hopeless_ratio: 30.0,
+            sure_freedom: 45,
+            moves: 4,
+            move_rounds: 3,
+            moved_iterations: 30,
+        }
+    }
+}
+
 /// Minima found so far, and starts that are not there yet.
 pub struct Minima<'a, 'p> {
     problem: &'a Problem,
     options: &'a RefineOptions,
+    stage: MinimaOptions,
     pub progress: &'a mut Option<Progress<'p>>,
     /// With the number of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
@@ -29,25 +64,6 @@ pub struct Minima<'a, 'p> {
     /// Why the last start that could not be refined could not.
     failure: Option<Error>,
 }
-
-/// Iterations that every candidate gets.
-const FIRST_ITERATIONS: usize = 8;
-
-/// Most unfinished candidates that go on.
-const MAX_FINISHED: usize = 3;
-
-/// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
-const HOPELESS: f64 = 30.0;
-
-/// Fewest degrees of freedom for which the cost alone tells the right minimum when it took its time: wrong ones more often do.
-const SURE_FREEDOM: usize = 45;
-
-/// Other places of landmarks that are tried at a time, and how often.
-const MOVES: usize = 4;
-const ROUNDS: usize = 3;
-
-/// Iterations that each of them gets: what is not better by then is slow because it is worse.
-const MOVED_ITERATIONS: usize = 30;
 
 impl<'a, 'p> Minima<'a, 'p> {
     pub fn new(
@@ -58,6 +74,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         Self {
             problem,
             options,
+            stage: MinimaOptions::default(),
             progress,
             minima: Vec::new(),
             unfinished: Vec::new(),
@@ -76,7 +93,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         stop: bool,
     ) -> Result<bool, Error> {
         let total = hypotheses.len();
-        let first = self.options.max_iterations.min(FIRST_ITERATIONS);
+        let first = self.options.max_iterations.min(self.stage.first_iterations);
         for (done, Hypothesis { map, triple }) in hypotheses.enumerate() {
             let Some(found) = self.refine(map, first, 0, (done, total))? else {
                 continue;
@@ -111,12 +128,17 @@ impl<'a, 'p> Minima<'a, 'p> {
     pub fn finish(&mut self, all: bool) -> Result<bool, Error> {
         let mut unfinished = core::mem::take(&mut self.unfinished);
         unfinished.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
-        let total = if all { unfinished.len() } else { MAX_FINISHED };
+        let total = if all {
+            unfinished.len()
+        } else {
+            self.stage.max_finished
+        };
         let mut done = 0;
         for (found, triple) in unfinished {
             // Of exact bearings there may be several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
-                other.termination != Termination::ZeroResidual && found.cost > other.cost * HOPELESS
+                other.termination != Termination::ZeroResidual
+                    && found.cost > other.cost * self.stage.hopeless_ratio
             });
             if hopeless {
                 continue;
@@ -129,7 +151,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             let left = self.options.max_iterations.saturating_sub(used);
             if let Some(found) = self.refine(found.map, left, used, (done, total))? {
                 let beyond_doubt = !all
-                    && found.freedom >= SURE_FREEDOM
+                    && found.freedom >= self.stage.sure_freedom
                     && (is_plausible(&found) || self.confirms(&found, triple));
                 self.minima.push((found, triple));
                 if beyond_doubt {
@@ -153,7 +175,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// # Errors
     /// As [`Minima::try_out`].
     pub fn move_landmarks(&mut self) -> Result<(), Error> {
-        for _ in 0..ROUNDS {
+        for _ in 0..self.stage.move_rounds {
             let lowest = self
                 .minima
                 .iter()
@@ -165,10 +187,10 @@ impl<'a, 'p> Minima<'a, 'p> {
             }
             let cost = best.cost;
             let maps = moved_landmarks(self.problem, &best.map, variance(best));
-            let total = maps.len().min(MOVES);
+            let total = maps.len().min(self.stage.moves);
             let mut lower = false;
-            for (done, map) in maps.into_iter().take(MOVES).enumerate() {
-                let iterations = self.options.max_iterations.min(MOVED_ITERATIONS);
+            for (done, map) in maps.into_iter().take(self.stage.moves).enumerate() {
+                let iterations = self.options.max_iterations.min(self.stage.moved_iterations);
                 if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
                     lower |= found.cost < cost * SAME_COST;
                     self.minima.push((found, usize::MAX));
