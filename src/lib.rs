@@ -104,7 +104,7 @@ pub use problem::{
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Progress, Reconstruction, Search, SolveOptions, Strategy, initialize, refine, solve,
+    Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize, refine, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]

@@ -7,8 +7,8 @@ use super::observer::Observer;
 use super::reconstruction::{self, RawReconstruction};
 use super::request::Request;
 use crate::{
-    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, Search, SolveOptions,
-    Strategy,
+    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, SearchOptions,
+    SolveOptions, Strategy,
 };
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -54,7 +54,7 @@ pub struct Defaults {
 
 #[pyfunction]
 pub fn defaults() -> Defaults {
-    let (search, refine) = (Search::default(), RefineOptions::default());
+    let (search, refine) = (SearchOptions::default(), RefineOptions::default());
     Defaults {
         search: RawSearch {
             triples: search.triples,
@@ -138,6 +138,12 @@ impl Settings {
     fn read(&self, py: Python<'_>) -> PyResult<SolveOptions> {
         Ok(SolveOptions {
             strategy: self.strategy(py)?,
+            search: SearchOptions {
+                triples: self.search.triples,
+                grown: self.search.grown,
+                candidates: self.search.candidates,
+                swept: self.search.swept,
+            },
             refine: self.refine_options(py)?,
             seed: self.seed,
             robust: self.robust,
@@ -145,19 +151,8 @@ impl Settings {
     }
 
     fn strategy(&self, py: Python<'_>) -> PyResult<Strategy> {
-        let RawSearch {
-            triples,
-            grown,
-            candidates,
-            swept,
-        } = self.search;
         match self.method.as_str() {
-            "search" => Ok(Strategy::Search(Search {
-                triples,
-                grown,
-                candidates,
-                swept,
-            })),
+            "search" => Ok(Strategy::Search),
             "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
             "projective" => Ok(Strategy::FirstViews(Method::Projective)),
             "incremental" => Ok(Strategy::Incremental),

@@ -9,7 +9,7 @@ use crate::lm::RefineOptions;
 pub enum Strategy {
     /// Many triples of views, both branches of each; the best few refined. Under limited sight (more
     /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
-    Search(Search),
+    Search,
     /// Well conditioned triples of views grown by resection and triangulation, with refinement in
     /// between; several maps where the views do not hang together.
     Incremental,
@@ -24,7 +24,7 @@ pub enum Strategy {
 ///
 /// `docs/accuracy.md` has how often the defaults miss the best known minimum, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Search {
+pub struct SearchOptions {
     /// Triples of views whose tensor is estimated.
     pub triples: usize,
     /// The best conditioned of them, which are grown to whole maps, both branches.
@@ -37,7 +37,7 @@ pub struct Search {
     pub swept: usize,
 }
 
-impl Default for Search {
+impl Default for SearchOptions {
     fn default() -> Self {
         Self {
             triples: 24,
@@ -53,6 +53,8 @@ impl Default for Search {
 pub struct SolveOptions {
     /// How a first map is found.
     pub strategy: Strategy,
+    /// How wide a search is: of [`Strategy::Search`], where it is effective.
+    pub search: SearchOptions,
     /// Options of the refinement.
     pub refine: RefineOptions,
     /// Seed of the draw of triples: the same seed gives the same bits.
@@ -67,7 +69,8 @@ pub struct SolveOptions {
 impl Default for SolveOptions {
     fn default() -> Self {
         Self {
-            strategy: Strategy::Search(Search::default()),
+            strategy: Strategy::Search,
+            search: SearchOptions::default(),
             refine: RefineOptions::default(),
             seed: 0,
             robust: false,
@@ -79,7 +82,7 @@ impl Default for SolveOptions {
 pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
 
 /// Reports progress to a caller who asked for it; `false` when the work is to stop.
-pub fn tell(
+pub fn report_progress(
     progress: &mut Option<Progress<'_>>,
     stage: &'static str,
     done: usize,

@@ -12,7 +12,7 @@ pub(crate) mod consensus;
 mod exchange;
 pub(crate) mod expand;
 pub(crate) mod motions;
-pub(crate) mod objective;
+pub(crate) mod options;
 pub(crate) mod place;
 pub(crate) mod reassign;
 mod sampling;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From bearings to the best map: hypotheses, refinement, choice.
 
-use super::infinity::take_out_unbounded;
+use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
-use super::options::{Progress, SolveOptions, tell};
+use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
 use super::strategy;
@@ -79,7 +79,7 @@ pub fn refine(
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
-    let mut watch = |done, _| tell(&mut progress, "refine", done, total);
+    let mut watch = |done, _| report_progress(&mut progress, "refine", done, total);
     let mut report = refine_map(problem, &mut map, options, Some(&mut watch))?;
     for undetermined in &mut report.undetermined {
         let without = match undetermined.subject {
@@ -91,7 +91,7 @@ pub fn refine(
         }
     }
     let mut found = Reconstruction::new(problem, &map, report);
-    take_out_unbounded(problem, &mut found);
+    drop_landmarks_at_infinity(problem, &mut found);
     assess(problem, &mut found);
     Ok(found)
 }
