@@ -13,4 +13,5 @@ pub use frame::Frame;
 pub(crate) use leverage::Influence;
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;
-pub(crate) use weak_directions::{Loose, loose_directions};
+pub use weak_directions::WeakDirection;
+pub(crate) use weak_directions::{largest_first, weakest_directions};

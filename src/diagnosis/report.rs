@@ -1,27 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a diagnosis returns, and how it reads.
 
-use super::finding::{Finding, Kind, Severity};
+use super::finding::{Finding, Kind, Severity, apart};
 use super::parts::components::Part;
-use super::words::{both, count};
-use crate::problem::Subject;
+use super::sentences::{both, count};
+use crate::uncertainty::WeakDirection;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A direction of the map that the bearings hold weakly or not at all.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NullDirection {
-    /// Whether it is free, up to rounding; else it is held weakly.
-    pub free: bool,
-    /// Singular value of the Jacobian over its median column: 0 where free.
-    pub singular_value: f64,
-    /// Predicted standard deviation of the map along it, as a share of its size; infinite where free.
-    pub deviation: f64,
-    /// Who moves, and its share of the squared moves; largest first.
-    pub movers: Vec<(Subject, f64)>,
-    /// The finding that explains it.
-    pub cause: Option<Kind>,
-}
+/// A direction of the map that the bearings hold weakly or not at all; its cause is the kind of the finding that
+/// explains it.
+pub type NullDirection = WeakDirection<Kind>;
 
 /// What bearings determine and what they do not.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,8 +84,7 @@ impl fmt::Display for Diagnosis {
             write!(f, "\n{finding}")?;
         }
         for direction in self.directions.iter().take(MAX_LISTED) {
-            let (views, landmarks) =
-                super::finding::apart(direction.movers.iter().map(|&(subject, _)| subject));
+            let (views, landmarks) = apart(direction.movers.iter().map(|&(subject, _)| subject));
             let moved = both(&views, &landmarks);
             if direction.free {
                 write!(f, "\nfree direction: moves {moved}")?;

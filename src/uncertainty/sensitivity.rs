@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How far the bearings hold a map.
 
-use super::weak_directions::{Weak, weakest};
+use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::gauge::free_directions;
 use crate::adjustment::linearized::{Linearized, gauge, keeps_landmarks, kept_positions};
@@ -56,8 +56,8 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
     if !normal.factorize(0.0) {
         return f64::INFINITY;
     }
-    let square = |weak: &Weak| {
-        let views = weak.direction.chunks_exact(3).take(places.len());
+    let square = |pair: &Eigenpair| {
+        let views = pair.direction.chunks_exact(3).take(places.len());
         views
             .map(|step| step[0] * step[0] + step[1] * step[1])
             .sum::<f64>()

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
 /// those before it.
-const ROOMS: [&str; 29] = [
+const ROOMS: [&str; 31] = [
     "scalar",
     "float",
     "error",
@@ -35,6 +35,8 @@ const ROOMS: [&str; 29] = [
     "reconstruction/robust",
     "reconstruction/odometry",
     "reconstruction/solve",
+    "diagnosis/finding",
+    "diagnosis/sentences",
     "diagnosis/shapes",
     "diagnosis/parts",
     "diagnosis/maps",

@@ -20,6 +20,16 @@ pub struct Part {
 }
 
 impl Part {
+    /// All views and landmarks of a problem.
+    pub(crate) fn whole(problem: &Problem) -> Self {
+        Self {
+            views: (0..problem.views()).collect(),
+            landmarks: (0..problem.landmarks()).collect(),
+            sightings: problem.sightings().len(),
+            ties: (4, 0),
+        }
+    }
+
     /// Sightings less unknowns, but for the four of the gauge, (T20). Negative: minus so many directions
     /// are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
@@ -122,35 +132,35 @@ impl Core {
     }
 }
 
-/// What linear steps can tie together, from the three views that share most landmarks: landmarks that
-/// two tied views see, and views that see three tied landmarks.
-pub fn tied(problem: &Problem, seed: [usize; 3]) -> Core {
-    let mut tied = Core {
+/// What linear steps can reach from three views: landmarks that two reached views see, and views that see three
+/// reached landmarks.
+pub fn reached(problem: &Problem, triple: [usize; 3]) -> Core {
+    let mut reached = Core {
         views: vec![false; problem.views()],
         landmarks: vec![false; problem.landmarks()],
     };
-    for view in seed {
-        tied.views[view] = true;
+    for view in triple {
+        reached.views[view] = true;
     }
     loop {
         let mut grown = false;
         for landmark in 0..problem.landmarks() {
             let seen = problem.of_landmark(landmark).iter();
             let count = seen
-                .filter(|&&k| tied.views[problem.sightings()[k].view])
+                .filter(|&&k| reached.views[problem.sightings()[k].view])
                 .count();
-            tied.landmarks[landmark] |= count >= MIN_VIEWS_OF_LANDMARK;
+            reached.landmarks[landmark] |= count >= MIN_VIEWS_OF_LANDMARK;
         }
         for view in 0..problem.views() {
             let seen = problem.of_view(view).iter();
-            let count = seen.filter(|s| tied.landmarks[s.landmark]).count();
-            if !tied.views[view] && count >= MIN_LANDMARKS_OF_VIEW {
-                tied.views[view] = true;
+            let count = seen.filter(|s| reached.landmarks[s.landmark]).count();
+            if !reached.views[view] && count >= MIN_LANDMARKS_OF_VIEW {
+                reached.views[view] = true;
                 grown = true;
             }
         }
         if !grown {
-            return tied;
+            return reached;
         }
     }
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! A part of a problem as a problem of its own: its noise, and what maps of it tell.
 
-use super::super::finding::Kind;
+use super::super::finding::{Kind, apart};
 use super::super::shapes::examine::{Examination, examine};
 use super::super::shapes::normalized_map::Figure;
 use super::components::Part;
@@ -52,6 +52,22 @@ impl Own {
             poses: views.map(|&view| map.poses[view]).collect(),
             landmarks: landmarks.map(|&k| map.landmarks[k]).collect(),
         }
+    }
+
+    /// All of a problem with its odometry and priors.
+    pub fn whole(problem: &Problem) -> Self {
+        Self {
+            problem: problem.clone(),
+            part: Part::whole(problem),
+        }
+    }
+
+    /// Views and landmarks as the whole problem numbers them, each in order and once.
+    pub fn outer_all(
+        &self,
+        subjects: impl IntoIterator<Item = Subject>,
+    ) -> (Vec<usize>, Vec<usize>) {
+        apart(subjects.into_iter().map(|subject| self.outer(subject)))
     }
 
     /// A subject as the whole problem numbers it.

@@ -9,25 +9,9 @@ use super::shape::Shape;
 use super::spectrum::{Spectrum, place};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::uncertainty::WeakDirection;
 use alloc::vec;
 use alloc::vec::Vec;
-
-/// A direction of a map that the bearings hold weakly or not at all.
-pub struct Direction {
-    /// Its place in the spectrum.
-    pub index: usize,
-    /// Whether it is free, up to rounding.
-    pub free: bool,
-    /// Predicted standard deviation of the map along it: root mean square over the points, each in its
-    /// units.
-    pub deviation: f64,
-    /// The same of the point that moves most.
-    pub largest: f64,
-    /// Points and their shares of the squared moves, largest first.
-    pub movers: Vec<(usize, f64)>,
-    /// The cause that explains it.
-    pub cause: Option<usize>,
-}
 
 /// What makes directions free.
 pub struct Cause {
@@ -41,7 +25,10 @@ pub struct Cause {
 /// What a map tells.
 pub struct Examination {
     pub spectrum: Spectrum,
-    pub directions: Vec<Direction>,
+    /// The free and the weak ones. Subjects are those of the figure's problem, and the cause is one of `causes`.
+    pub directions: Vec<WeakDirection<usize>>,
+    /// The place of each in the spectrum.
+    indices: Vec<usize>,
     pub causes: Vec<Cause>,
     /// Directions that are free in any map with these sightings.
     pub structural: usize,
@@ -71,10 +58,11 @@ const ROUNDS: usize = 8;
 pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
     let spectrum = Spectrum::of(figure)?;
     let noise = noise.max(4.0 * figure.rounding);
-    let directions = open_directions(figure, &spectrum, noise);
+    let (indices, directions) = open_directions(figure, &spectrum, noise);
     let mut found = Examination {
         spectrum,
         directions,
+        indices,
         causes: Vec::new(),
         structural: 0,
     };
@@ -95,11 +83,16 @@ pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
     Some(found)
 }
 
-fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Direction> {
+/// The free and the weak directions, and their places in the spectrum.
+fn open_directions(
+    figure: &Figure,
+    spectrum: &Spectrum,
+    noise: f64,
+) -> (Vec<usize>, Vec<WeakDirection<usize>>) {
     let free = spectrum.free();
     let views = figure.views.len();
     let count = figure.points.len() as f64;
-    let mut found = Vec::new();
+    let (mut indices, mut found) = (Vec::new(), Vec::new());
     for index in 0..spectrum.values.len() {
         let deviation = spectrum.deviation(index, noise);
         let column = spectrum.directions.column(index);
@@ -113,17 +106,21 @@ fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Dire
         let mean = deviation * (sum / count).sqrt();
         let one = deviation * most.sqrt();
         if index < free || mean > WEAK || one > LOOSE {
-            found.push(Direction {
-                index,
+            let movers = movers(figure, &spectrum.moves(figure, index)).into_iter();
+            indices.push(index);
+            found.push(WeakDirection {
                 free: index < free,
+                singular_value: spectrum.values[index] / spectrum.scale,
                 deviation: if index < free { f64::INFINITY } else { mean },
                 largest: if index < free { f64::INFINITY } else { one },
-                movers: movers(figure, &spectrum.moves(figure, index)),
+                movers: movers
+                    .map(|(point, share)| (figure.subject(point), share))
+                    .collect(),
                 cause: None,
             });
         }
     }
-    found
+    (indices, found)
 }
 
 impl Examination {
@@ -172,8 +169,8 @@ impl Examination {
             return;
         };
         let null = spectrum.directions.columns(0, spectrum.free());
-        for direction in &mut self.directions {
-            let column = self.spectrum.directions.column(direction.index);
+        for (direction, &index) in self.directions.iter_mut().zip(&self.indices) {
+            let column = self.spectrum.directions.column(index);
             let inside = null.tr_mul(&column).norm_squared();
             if direction.cause.is_none() && inside > EXPLAINED {
                 direction.cause = Some(cause);
@@ -187,12 +184,14 @@ impl Examination {
             let open = self.directions.iter().filter(|d| d.cause.is_none());
             let mut candidates: Vec<Configuration> = Vec::new();
             for direction in open {
-                if let Some(&(point, share)) = direction.movers.first()
+                let moved = direction.movers.iter();
+                let moved = moved.filter_map(|&(subject, _)| figure.point(subject));
+                if let Some(&(subject, share)) = direction.movers.first()
                     && share > ALONE
+                    && let Some(point) = figure.point(subject)
                 {
                     candidates.push(Configuration::of_point(figure, point));
                 }
-                let moved = direction.movers.iter().map(|&(point, _)| point);
                 let landmarks: Vec<usize> =
                     moved.filter(|&point| point >= figure.views.len()).collect();
                 if landmarks.len() > 2 && landmarks.len() < figure.landmarks.len() {

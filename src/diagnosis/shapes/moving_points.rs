@@ -4,14 +4,12 @@
 use super::normalized_map::Figure;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::uncertainty::largest_first;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Vector2};
 
 /// Rounds of reweighting; the weights settle within a dozen.
 const ROUNDS: usize = 25;
-
-/// Points with less than this share of the squared moves do not count.
-const SMALLEST: f64 = 0.01;
 
 /// Moves less than this share of the largest are rounding of the fit.
 const ROUNDING: f64 = 1e-6;
@@ -23,15 +21,7 @@ const ROUNDING: f64 = 1e-6;
 pub fn movers(figure: &Figure, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
     let units = figure.units();
     let left = without_similarity(figure, moves, &units);
-    let total: f64 = left.iter().map(|square| square * square).sum();
-    let mut found: Vec<(usize, f64)> = left
-        .into_iter()
-        .map(|length| length * length / total)
-        .enumerate()
-        .filter(|(_, share)| *share > SMALLEST)
-        .collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1));
-    found
+    largest_first(left.into_iter().map(|length| length * length).enumerate())
 }
 
 /// How far each point moves, in its units.

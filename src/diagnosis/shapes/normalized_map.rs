@@ -14,9 +14,9 @@ use nalgebra::Vector2;
 /// `rounding`, the rounding of the type they came in.
 #[derive(Clone, Debug)]
 pub struct Figure {
-    /// Index of each view in the problem.
+    /// Index of each view in the problem, ascending.
     pub views: Vec<usize>,
-    /// Index of each landmark in the problem.
+    /// Index of each landmark in the problem, ascending.
     pub landmarks: Vec<usize>,
     /// Position of each point, the middle of them at the origin.
     pub points: Vec<Vector2<f64>>,
@@ -125,6 +125,17 @@ impl Figure {
         match point.checked_sub(self.views.len()) {
             None => Subject::View(self.views[point]),
             Some(landmark) => Subject::Landmark(self.landmarks[landmark]),
+        }
+    }
+
+    /// The point that a subject of the problem is, if it is in the map.
+    pub fn point(&self, subject: Subject) -> Option<usize> {
+        match subject {
+            Subject::View(view) => self.views.binary_search(&view).ok(),
+            Subject::Landmark(landmark) => {
+                let found = self.landmarks.binary_search(&landmark).ok();
+                found.map(|number| self.point_of_landmark(number))
+            }
         }
     }
 
