@@ -2,10 +2,10 @@
 //! The diagnosis: first what the sightings tell, then what a map tells.
 
 use super::finding::{Kind, Severity, apart};
-use super::maps::explaining_map::seed;
+use super::maps::explaining_map::best_triple;
 use super::parts::components::{Core, Part, reached};
 use super::parts::counting;
-use super::parts::subproblem::Own;
+use super::parts::subproblem::SubProblem;
 use super::report::Diagnosis;
 use super::sentences::Case;
 use crate::adjustment::gauge::gauge_and_prior_numbers;
@@ -98,8 +98,8 @@ fn by_bearings(
         findings.extend(counting::too_little(&whole));
     }
     for part in &parts {
-        let own = Own::new(problem, part);
-        look_at(&own, map, diagnosis, &mut progress)?;
+        let subproblem = SubProblem::new(problem, part);
+        look_at(&subproblem, map, diagnosis, &mut progress)?;
     }
     diagnosis.components = parts;
     Ok(())
@@ -107,31 +107,32 @@ fn by_bearings(
 
 /// Adds what there is to say about a part.
 fn look_at(
-    own: &Own,
+    subproblem: &SubProblem,
     map: Option<&Map>,
     diagnosis: &mut Diagnosis,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {
-    let too_little = counting::too_little(&own.part);
+    let too_little = counting::too_little(&subproblem.part);
     let hopeless = too_little.is_some();
     diagnosis.findings.extend(too_little);
     if let Some(map) = map {
-        let judged = own.given(own.map(map), hopeless);
-        own.judge(&judged, hopeless, diagnosis);
+        let chosen = subproblem.choose_given(subproblem.map(map), hopeless);
+        subproblem.judge(&chosen, hopeless, diagnosis);
         return Ok(());
     }
     if hopeless {
-        diagnosis.extra += counting::missing(&own.part);
+        diagnosis.extra += counting::missing(&subproblem.part);
         return Ok(());
     }
-    let reached = seed(&own.problem).map(|triple| reached(&own.problem, triple));
-    let out_of_reach = counting::out_of_reach(&own.part, reached.as_ref());
+    let reached =
+        best_triple(&subproblem.problem).map(|triple| reached(&subproblem.problem, triple));
+    let out_of_reach = counting::out_of_reach(&subproblem.part, reached.as_ref());
     diagnosis.findings.extend(out_of_reach);
-    match own.found(progress)? {
-        Some(judged) => own.judge(&judged, false, diagnosis),
+    match subproblem.choose(progress)? {
+        Some(chosen) => subproblem.judge(&chosen, false, diagnosis),
         None => diagnosis
             .findings
-            .push(own.not_examined("no map could be made from the bearings")),
+            .push(subproblem.not_examined("no map could be made from the bearings")),
     }
     Ok(())
 }
@@ -143,7 +144,7 @@ fn with_priors(
     diagnosis: &mut Diagnosis,
     progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
-    let whole = Own::whole(problem);
+    let whole = SubProblem::whole(problem);
     let found;
     let map = match map {
         Some(map) => map,

@@ -5,13 +5,13 @@
 //! free gets the name of a shape. All others are examined by the weakest directions of the sparse normal equations.
 
 use super::finding::{Finding, Kind, Severity, apart};
-use super::maps::choose::{Evidence, Judged};
+use super::maps::choose::{Chosen, Evidence};
 use super::parts::counting::{concerning, missing};
-use super::parts::subproblem::Own;
+use super::parts::subproblem::SubProblem;
 use super::report::{Diagnosis, NullDirection};
 use super::sentences::{Case, finding, finding_in};
 use super::shapes::examine::{Examination, LOOSE, WEAK, examine};
-use super::shapes::normalized_map::Figure;
+use super::shapes::normalized_map::NormalizedMap;
 use crate::problem::{Map, Subject, Undetermined, Why};
 use crate::uncertainty::weakest_directions;
 use alloc::format;
@@ -30,15 +30,17 @@ const REPORTED: usize = 8;
 /// Directions of the sparse equations that are looked at; a map with more free ones is all but undetermined.
 const LOOKED_AT: usize = 12;
 
-impl Own {
+impl SubProblem {
     /// Adds what the evidence tells to a diagnosis. `hopeless` when counting has told the worst already.
-    pub fn judge(&self, judged: &Judged, hopeless: bool, diagnosis: &mut Diagnosis) {
-        let noise = judged.noise;
+    pub fn judge(&self, chosen: &Chosen, hopeless: bool, diagnosis: &mut Diagnosis) {
+        let noise = chosen.noise;
         diagnosis.noise = f64::max(diagnosis.noise, noise);
-        let (map, lost, margin) = match &judged.evidence {
-            Evidence::Figure(figure) => {
-                match examine(figure, noise) {
-                    Some(found) => self.report_dense(figure, &found, noise, hopeless, diagnosis),
+        let (map, lost, margin) = match &chosen.evidence {
+            Evidence::Bearings(normalized) => {
+                match examine(normalized, noise) {
+                    Some(found) => {
+                        self.report_dense(normalized, &found, noise, hopeless, diagnosis)
+                    }
                     None => diagnosis.findings.push(self.not_examined(TOO_LARGE)),
                 }
                 return;
@@ -47,16 +49,16 @@ impl Own {
         };
         self.report_absent(map, lost, Case::Usual, diagnosis);
         diagnosis.findings.extend(self.poor_fit(map));
-        match Figure::of_map(&self.problem, map) {
+        match NormalizedMap::of_map(&self.problem, map) {
             None => diagnosis
                 .findings
                 .push(self.not_examined("the map has no size")),
-            Some(figure) => match examine(&figure, noise) {
+            Some(normalized) => match examine(&normalized, noise) {
                 Some(found) => {
                     if margin < CLEAR_MARGIN && found.causes.is_empty() {
                         diagnosis.findings.push(self.second_solution(margin));
                     }
-                    self.report_dense(&figure, &found, noise, hopeless, diagnosis);
+                    self.report_dense(&normalized, &found, noise, hopeless, diagnosis);
                 }
                 None => self.report_sparse(map, Some(noise), hopeless, diagnosis),
             },
@@ -95,7 +97,7 @@ impl Own {
     }
 
     fn poor_fit(&self, map: &Map) -> Option<Finding> {
-        let (rms, _) = self.spread(map);
+        let (rms, _) = self.rms_and_noise(map);
         let told = format!("{:.1}", rms.to_degrees());
         let (kind, severity) = (Kind::PoorFit, Severity::Warning);
         (rms > PLAUSIBLE_RMS).then(|| self.about_all(Case::Usual, kind, severity, &[("rms", told)]))
@@ -128,7 +130,7 @@ impl Own {
     /// Adds an examination by all singular values.
     fn report_dense(
         &self,
-        figure: &Figure,
+        normalized: &NormalizedMap,
         found: &Examination,
         noise: f64,
         hopeless: bool,
@@ -147,14 +149,14 @@ impl Own {
             .causes
             .iter()
             .any(|cause| cause.kind == Kind::ThreeCollinearViews);
-        diagnosis.findings.extend(self.named(figure, found));
+        diagnosis.findings.extend(self.named(normalized, found));
         let named = found.directions.iter().cloned().map(|direction| {
             let cause = direction.cause.map(|cause| found.causes[cause].kind);
             direction.with_cause(cause)
         });
         let unnamed = if found.structural > self.counted(hopeless) {
             Kind::LoosePart
-        } else if figure.views.len() == 3 {
+        } else if normalized.views.len() == 3 {
             Kind::LandmarksOnACubic
         } else {
             Kind::UnnamedDirection
@@ -163,7 +165,7 @@ impl Own {
     }
 
     /// The shapes that leave directions free.
-    fn named(&self, figure: &Figure, found: &Examination) -> Vec<Finding> {
+    fn named(&self, normalized: &NormalizedMap, found: &Examination) -> Vec<Finding> {
         let causes = found.causes.iter().enumerate();
         let findings = causes.map(|(k, cause)| {
             let explained = found.directions.iter().filter(|d| d.cause == Some(k));
@@ -180,7 +182,7 @@ impl Own {
             } else {
                 Severity::Error
             };
-            let subjects = self.outer_all(cause.points.iter().map(|&p| figure.subject(p)));
+            let subjects = self.outer_all(cause.points.iter().map(|&p| normalized.subject(p)));
             finding(cause.kind, severity, subjects, cause.directions)
         });
         findings.collect()

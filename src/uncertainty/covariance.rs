@@ -2,10 +2,10 @@
 //! Covariances of poses and landmarks, in a stated gauge.
 
 use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
-use super::weak_directions::free_of;
+use super::weak_directions::free_directions;
 use crate::adjustment::Watch;
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::{Held, free_directions};
+use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal::Normal;
 use crate::error::Error;
 use crate::lm::Loss;
@@ -89,7 +89,7 @@ pub fn covariance(
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, loss, &mut rows);
     let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
-    let gauge = free_directions(&active, &bundle);
+    let gauge = gauge_directions(&active, &bundle);
     if frame == Frame::Priors && !gauge.is_empty() {
         return Err(Error::Degenerate {
             quantity: "number of directions of the whole that odometry and priors leave free",
@@ -102,7 +102,7 @@ pub fn covariance(
         value: 0.0,
         bound: f64::EPSILON,
     };
-    let free = free_of(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
+    let free = free_directions(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return Err(singular);
@@ -185,7 +185,7 @@ impl Transformation {
         let size = normal.size();
         let views = problem.views();
         let mut constraints = match frame {
-            Frame::FirstView => Held::of(problem).constraints(bundle),
+            Frame::FirstView => FixedByPriors::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
         // Priors that fix part of a position leave no frame of a view.

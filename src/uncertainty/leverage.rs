@@ -18,7 +18,7 @@ const MAX_NUMBERS: usize = 1 << 20;
 ///
 /// With `J` the row of a sighting and `H` the normal matrix, inner products of two of these vectors are
 /// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T29).
-pub struct Influence {
+pub struct Leverage {
     size: usize,
     /// For each sighting its vector; zeros where the map does not reach it.
     rows: Vec<f64>,
@@ -26,7 +26,7 @@ pub struct Influence {
     pub residuals: Vec<Option<f64>>,
 }
 
-impl Influence {
+impl Leverage {
     /// The influence of all sightings of a problem on a map that has been refined to those `kept`.
     ///
     /// `None` when there are too many, or those that are kept do not hold the map.

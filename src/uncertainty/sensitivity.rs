@@ -3,7 +3,7 @@
 
 use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::free_directions;
+use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::linearized::{Linearized, gauge, keeps_landmarks, kept_positions};
 use crate::adjustment::normal::Normal;
 use crate::adjustment::refine::is_sparse;
@@ -52,7 +52,7 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
     let Some(mut normal) = Normal::new(problem) else {
         return f64::NAN;
     };
-    normal.assemble(&rows, &free_directions(problem, bundle));
+    normal.assemble(&rows, &gauge_directions(problem, bundle));
     if !normal.factorize(0.0) {
         return f64::INFINITY;
     }

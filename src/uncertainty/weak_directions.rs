@@ -3,7 +3,7 @@
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::free_directions;
+use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::linearized::kept_positions;
 use crate::adjustment::normal::Normal;
 #[cfg(not(feature = "std"))]
@@ -66,7 +66,7 @@ const STEPS: usize = 8;
 /// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
 /// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
 /// with these weights.
-pub fn free_of(
+pub fn free_directions(
     normal: &mut Normal<'_>,
     rows: &Rows,
     gauge: &[Vec<f64>],
@@ -177,8 +177,8 @@ pub fn weakest_directions<Cause>(
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, Loss::Squared, &mut rows);
     let mut normal = Normal::new(&active)?;
-    let gauge = free_directions(&active, &bundle);
-    let free = free_of(&mut normal, &rows, &gauge, count)?;
+    let gauge = gauge_directions(&active, &bundle);
+    let free = free_directions(&mut normal, &rows, &gauge, count)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return None;

@@ -16,7 +16,7 @@ use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
 use alloc::vec::Vec;
 
 /// A map and how it explains the bearings.
-pub struct Witness {
+pub struct ExplainingMap {
     pub map: Map,
     /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
     pub variance: f64,
@@ -43,16 +43,16 @@ const REFINED: usize = 12;
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::TooLarge`] as the refinement.
-pub fn witness(
+pub fn explaining_map(
     problem: &Problem,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Witness>, Error> {
+) -> Result<Option<ExplainingMap>, Error> {
     let found = match lowest(problem, &SolveOptions::default(), progress) {
         Ok(found) => found,
         Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
         Err(_) => {
-            let mut found = explaining(problem).into_iter();
-            return Ok(found.next().map(|first| Witness {
+            let mut found = explaining_maps(problem).into_iter();
+            return Ok(found.next().map(|first| ExplainingMap {
                 variance: variance(first.cost, first.freedom),
                 undetermined: first.undetermined,
                 map: first.map,
@@ -68,9 +68,9 @@ pub fn witness(
     let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
     // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
     if problem.landmarks() == MIN_SHARED {
-        others.extend(explaining(problem).into_iter().map(|other| other.map));
+        others.extend(explaining_maps(problem).into_iter().map(|other| other.map));
     }
-    Ok(Some(Witness {
+    Ok(Some(ExplainingMap {
         variance: variance(found.cost, found.freedom),
         undetermined: found.undetermined,
         map: found.map,
@@ -82,7 +82,7 @@ pub fn witness(
 /// Refined maps along the circles of tensors of some views, those that reach most and explain the
 /// bearings about as well as the best of them; the most compact first, for at the edge of a family
 /// landmarks run away.
-pub fn explaining(problem: &Problem) -> Vec<Reconstruction> {
+pub fn explaining_maps(problem: &Problem) -> Vec<Reconstruction> {
     let circle = if problem.landmarks() == MIN_SHARED {
         Circle::WHOLE
     } else {
@@ -154,7 +154,7 @@ fn variance(cost: f64, freedom: usize) -> f64 {
 }
 
 /// Three views to tie a map to: of some that share five landmarks, or four, the best connected.
-pub fn seed(problem: &Problem) -> Option<[usize; 3]> {
+pub fn best_triple(problem: &Problem) -> Option<[usize; 3]> {
     [5, 4].into_iter().find_map(|needed| {
         let drawn = draw(problem, needed, 24, 0);
         drawn

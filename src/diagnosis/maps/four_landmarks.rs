@@ -6,28 +6,28 @@
 //! either side; the map between them is on it up to the square of that way.
 
 use super::super::finding::Kind;
-use super::super::parts::subproblem::Own;
+use super::super::parts::subproblem::SubProblem;
 use crate::geometry::{Pose, align};
 use crate::problem::Map;
 use alloc::vec::Vec;
 use nalgebra::{Point2, center};
 
-impl Own {
+impl SubProblem {
     /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
     /// circle, be it one of the others or halfway to one of them.
-    pub fn folded(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
+    pub fn midpoint_map(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
         if self.problem.landmarks() != 4 {
             return None;
         }
-        let between = others.iter().filter_map(|other| halfway(map, other));
+        let between = others.iter().filter_map(|other| midpoint(map, other));
         let between = between.filter(|halfway| self.explains(halfway, map, noise));
         let mut maps = others.iter().cloned().chain(between);
-        maps.find(|map| self.shows(map, Kind::FourLandmarksOnACircle, noise))
+        maps.find(|map| self.has_shape(map, Kind::FourLandmarksOnACircle, noise))
     }
 }
 
 /// The map between two, the second laid over the first.
-fn halfway(one: &Map, other: &Map) -> Option<Map> {
+fn midpoint(one: &Map, other: &Map) -> Option<Map> {
     let place = |pose: &Pose<f64>| Point2::from(pose.translation.vector);
     let points = |map: &Map| {
         let views = map.poses.iter().map(move |pose| pose.as_ref().map(place));

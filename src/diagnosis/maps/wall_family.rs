@@ -25,7 +25,7 @@ const STEPS: usize = 40;
 const STRAIGHT: f64 = 0.2;
 
 /// A wall and what stands before it, the wall as the real axis and its extent as the unit.
-pub struct Family {
+pub struct WallFamily {
     middle: Vector2<f64>,
     along: Vector2<f64>,
     unit: f64,
@@ -35,7 +35,7 @@ pub struct Family {
     landmarks: Vec<Option<(f64, f64)>>,
 }
 
-impl Family {
+impl WallFamily {
     /// The family of a map whose landmarks are nearly on one line. Landmarks that the map has lost at
     /// infinity come back in other members.
     pub fn of(problem: &Problem, map: &Map, lost: &[Undetermined]) -> Option<Self> {
@@ -239,7 +239,7 @@ mod tests {
             }
         }
         let problem = Problem::new(4, 6, &sightings).unwrap();
-        let family = Family::of(&problem, &map, &[]).unwrap();
+        let family = WallFamily::of(&problem, &map, &[]).unwrap();
         let (low, high) = family.interval();
         for k in 1..10 {
             let member = family.map(low + (high - low) * f64::from(k) / 10.0);

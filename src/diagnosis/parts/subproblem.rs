@@ -3,7 +3,7 @@
 
 use super::super::finding::{Kind, apart};
 use super::super::shapes::examine::{Examination, examine};
-use super::super::shapes::normalized_map::Figure;
+use super::super::shapes::normalized_map::NormalizedMap;
 use super::components::Part;
 use crate::adjustment::{RefineOptions, refine_map};
 #[cfg(not(feature = "std"))]
@@ -13,7 +13,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// A part with its own numbers.
-pub struct Own {
+pub struct SubProblem {
     pub problem: Problem,
     /// Who it is in the whole problem.
     pub part: Part,
@@ -30,7 +30,7 @@ const SETTLING_DAMPING: f64 = 1e-2;
 /// difference of two.
 const PARALLEL: f64 = 6.0;
 
-impl Own {
+impl SubProblem {
     pub fn new(problem: &Problem, part: &Part) -> Self {
         let mut views = vec![false; problem.views()];
         let mut landmarks = vec![false; problem.landmarks()];
@@ -80,7 +80,7 @@ impl Own {
 
     /// Root mean square of the residuals of a map, and the standard deviation of the bearings that they
     /// tell \[rad\]; without freedom to tell it, that they are at least as large as what is left.
-    pub fn spread(&self, map: &Map) -> (f64, f64) {
+    pub fn rms_and_noise(&self, map: &Map) -> (f64, f64) {
         let weight = self.mean_weight();
         let (mut squares, mut count) = (0.0, 0.0);
         let seen = self.problem.sightings().iter();
@@ -120,7 +120,7 @@ impl Own {
 
     /// A member of a family after a few steps of refinement, strongly damped so that it stays where it is
     /// in the family; `None` when it does not explain the bearings as a known map does.
-    pub fn settled(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
+    pub fn refine_member(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
         let options = RefineOptions {
             max_iterations: SETTLING,
             damping: SETTLING_DAMPING,
@@ -133,17 +133,17 @@ impl Own {
 
     /// Whether a map explains the bearings as a known one does, or as well as the noise lets expect.
     pub fn explains(&self, map: &Map, known: &Map, noise: f64) -> bool {
-        let bound = AS_GOOD * f64::max(self.spread(known).0, noise);
-        self.spread(map).0 <= bound + f64::EPSILON.sqrt()
+        let bound = AS_GOOD * f64::max(self.rms_and_noise(known).0, noise);
+        self.rms_and_noise(map).0 <= bound + f64::EPSILON.sqrt()
     }
 
     /// What a map tells.
     pub fn examined(&self, map: &Map, noise: f64) -> Option<Examination> {
-        Figure::of_map(&self.problem, map).and_then(|figure| examine(&figure, noise))
+        NormalizedMap::of_map(&self.problem, map).and_then(|normalized| examine(&normalized, noise))
     }
 
     /// Whether a map has a shape that leaves directions free.
-    pub fn shows(&self, map: &Map, kind: Kind, noise: f64) -> bool {
+    pub fn has_shape(&self, map: &Map, kind: Kind, noise: f64) -> bool {
         let found = self.examined(map, noise);
         found.is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
     }

@@ -2,7 +2,7 @@
 //! Shapes of a map that leave directions free, and whether a map has them.
 
 use super::super::finding::Kind;
-use super::normalized_map::Figure;
+use super::normalized_map::NormalizedMap;
 use super::shape::{Shape, extent};
 use super::spectrum::Spectrum;
 #[cfg(not(feature = "std"))]
@@ -40,8 +40,8 @@ const JITTER: f64 = 0.03;
 
 impl Configuration {
     /// The configurations that concern a whole map, those that ask most of it first.
-    pub fn of_all(figure: &Figure) -> Vec<Self> {
-        let (m, n) = (figure.views.len(), figure.landmarks.len());
+    pub fn of_all(map: &NormalizedMap) -> Vec<Self> {
+        let (m, n) = (map.views.len(), map.landmarks.len());
         let views: Vec<usize> = (0..m).collect();
         let landmarks: Vec<usize> = (m..m + n).collect();
         let all: Vec<usize> = (0..m + n).collect();
@@ -58,7 +58,7 @@ impl Configuration {
             one(Kind::EverythingOnOneLine, Shape::Line, &all),
             one(circle, Shape::Circle, &all),
         ];
-        let close = close_views(figure).into_iter();
+        let close = close_views(map).into_iter();
         found.extend(close.map(|shapes| Self {
             kind: Kind::CoincidentViews,
             shapes,
@@ -84,10 +84,10 @@ impl Configuration {
     }
 
     /// The configurations that leave a single point free.
-    pub fn of_point(figure: &Figure, point: usize) -> Self {
-        let mut points = figure.neighbours(point);
+    pub fn of_point(map: &NormalizedMap, point: usize) -> Self {
+        let mut points = map.neighbours(point);
         points.push(point);
-        let (kind, shape) = if point < figure.views.len() {
+        let (kind, shape) = if point < map.views.len() {
             (Kind::ViewOnCircleOfLandmarks, Shape::Circle)
         } else {
             (Kind::LandmarkOnLineOfViews, Shape::Line)
@@ -107,12 +107,12 @@ impl Configuration {
 
     /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
     /// have made of it, but for the directions that are free anyway.
-    pub fn fits(&self, figure: &Figure, spectrum: &Spectrum, noise: f64) -> bool {
-        let exact = ROOTS * figure.rounding.sqrt();
-        let Some(off) = self.distances(&figure.points) else {
+    pub fn fits(&self, map: &NormalizedMap, spectrum: &Spectrum, noise: f64) -> bool {
+        let exact = ROOTS * map.rounding.sqrt();
+        let Some(off) = self.distances(&map.points) else {
             return false;
         };
-        let unit = self.measures(figure);
+        let unit = self.measures(map);
         if off
             .iter()
             .zip(&unit)
@@ -133,9 +133,9 @@ impl Configuration {
             unit.iter().map(|unit| (exact * unit) * (exact * unit)),
         ));
         for k in spectrum.free()..spectrum.values.len() {
-            let moves = spectrum.moves(figure, k);
+            let moves = spectrum.moves(map, k);
             let moved = |step: f64| -> Option<DVector<f64>> {
-                let points = figure.points.iter().zip(&moves).map(|(p, d)| p + d * step);
+                let points = map.points.iter().zip(&moves).map(|(p, d)| p + d * step);
                 self.distances(&points.collect::<Vec<_>>())
                     .map(DVector::from_vec)
             };
@@ -168,11 +168,11 @@ impl Configuration {
 
     /// What each distance is measured by: the unit of its point, or the extent of the shape where that is
     /// less, for points in one place are on any line.
-    fn measures(&self, figure: &Figure) -> Vec<f64> {
-        let units = figure.units();
+    fn measures(&self, map: &NormalizedMap) -> Vec<f64> {
+        let units = map.units();
         let mut all = Vec::new();
         for (shape, members) in &self.shapes {
-            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
+            let own: Vec<_> = members.iter().map(|&p| map.points[p]).collect();
             let (each, most) = match shape {
                 Shape::Place => (2, f64::INFINITY),
                 Shape::Line | Shape::Circle => (1, extent(&own)),
@@ -193,37 +193,37 @@ impl Configuration {
         Some(all)
     }
 
-    /// The figure with its points moved onto the shapes.
-    pub fn snapped(&self, figure: &Figure) -> Option<Figure> {
-        let mut figure = figure.clone();
+    /// The map with its points moved onto the shapes.
+    pub fn projected(&self, map: &NormalizedMap) -> Option<NormalizedMap> {
+        let mut map = map.clone();
         for (shape, members) in &self.shapes {
-            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
-            for (&member, place) in members.iter().zip(shape.snap(&own)?) {
-                figure.points[member] = place;
+            let own: Vec<_> = members.iter().map(|&p| map.points[p]).collect();
+            for (&member, place) in members.iter().zip(shape.project(&own)?) {
+                map.points[member] = place;
             }
         }
-        figure.rounding = f64::EPSILON;
-        Some(figure)
+        map.rounding = f64::EPSILON;
+        Some(map)
     }
 
     /// How many directions the configuration leaves free by itself: those of a map of this shape which is
     /// generic otherwise, less those of a generic map.
-    pub fn brings(&self, generic: &Figure, structural: usize) -> usize {
-        self.snapped(generic)
-            .and_then(|figure| Spectrum::of(&figure))
+    pub fn freedom_added(&self, generic: &NormalizedMap, structural: usize) -> usize {
+        self.projected(generic)
+            .and_then(|map| Spectrum::of(&map))
             .map_or(0, |spectrum| spectrum.free().saturating_sub(structural))
     }
 }
 
-/// The figure with all points moved a little, so that no shape is left in it.
-pub fn generic(figure: &Figure) -> Figure {
-    let mut figure = figure.clone();
-    let units = figure.units();
-    for (k, point) in figure.points.iter_mut().enumerate() {
+/// The map with all points moved a little, so that no shape is left in it.
+pub fn generic(map: &NormalizedMap) -> NormalizedMap {
+    let mut map = map.clone();
+    let units = map.units();
+    for (k, point) in map.points.iter_mut().enumerate() {
         *point += scattered(k) * (JITTER * units[k]);
     }
-    figure.rounding = f64::EPSILON;
-    figure
+    map.rounding = f64::EPSILON;
+    map
 }
 
 /// Vectors in the square from -1 to 1 without pattern: a sequence of low discrepancy.
@@ -238,9 +238,9 @@ fn scattered(k: usize) -> Vector2<f64> {
 
 /// Sets of views that may be in one place: the two sets that leave at most two places altogether, and for
 /// three views each pair.
-fn close_views(figure: &Figure) -> Vec<Vec<(Shape, Vec<usize>)>> {
-    let views = figure.views.len();
-    let near = |i: usize, j: usize| (figure.points[i] - figure.points[j]).norm() < NEARLY;
+fn close_views(map: &NormalizedMap) -> Vec<Vec<(Shape, Vec<usize>)>> {
+    let views = map.views.len();
+    let near = |i: usize, j: usize| (map.points[i] - map.points[j]).norm() < NEARLY;
     let mut sets: Vec<Vec<usize>> = Vec::new();
     for view in 0..views {
         match sets.iter_mut().find(|set| near(set[0], view)) {

@@ -3,8 +3,8 @@
 
 use super::super::finding::Kind;
 use super::configuration::{Configuration, generic};
-use super::moving_points::movers;
-use super::normalized_map::Figure;
+use super::moving_points::moving_points;
+use super::normalized_map::NormalizedMap;
 use super::shape::Shape;
 use super::spectrum::{Spectrum, place};
 #[cfg(not(feature = "std"))]
@@ -25,7 +25,7 @@ pub struct Cause {
 /// What a map tells.
 pub struct Examination {
     pub spectrum: Spectrum,
-    /// The free and the weak ones. Subjects are those of the figure's problem, and the cause is one of `causes`.
+    /// The free and the weak ones. Subjects are those of the map's problem, and the cause is one of `causes`.
     pub directions: Vec<WeakDirection<usize>>,
     /// The place of each in the spectrum.
     indices: Vec<usize>,
@@ -55,10 +55,10 @@ const ROUNDS: usize = 8;
 
 /// Names the free and weak directions of a map for bearings of this standard deviation \[rad\]; `None`
 /// when its spectrum cannot be had.
-pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
-    let spectrum = Spectrum::of(figure)?;
-    let noise = noise.max(4.0 * figure.rounding);
-    let (indices, directions) = open_directions(figure, &spectrum, noise);
+pub fn examine(map: &NormalizedMap, noise: f64) -> Option<Examination> {
+    let spectrum = Spectrum::of(map)?;
+    let noise = noise.max(4.0 * map.rounding);
+    let (indices, directions) = open_directions(map, &spectrum, noise);
     let mut found = Examination {
         spectrum,
         directions,
@@ -67,36 +67,36 @@ pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
         structural: 0,
     };
     // Shapes are only worth a look when something is free or they are there.
-    let all: Vec<_> = Configuration::of_all(figure)
+    let all: Vec<_> = Configuration::of_all(map)
         .into_iter()
-        .filter(|configuration| configuration.fits(figure, &found.spectrum, noise))
+        .filter(|configuration| configuration.fits(map, &found.spectrum, noise))
         .collect();
     if found.directions.is_empty() && all.is_empty() {
         return Some(found);
     }
-    let generic = generic(figure);
+    let generic = generic(map);
     found.structural = Spectrum::of(&generic)?.free();
     if noise < MAX_NOISE {
-        found.name_whole(figure, &generic, noise, &all);
-        found.name_points(figure, &generic, noise);
+        found.name_whole(map, &generic, noise, &all);
+        found.name_points(map, &generic, noise);
     }
     Some(found)
 }
 
 /// The free and the weak directions, and their places in the spectrum.
 fn open_directions(
-    figure: &Figure,
+    map: &NormalizedMap,
     spectrum: &Spectrum,
     noise: f64,
 ) -> (Vec<usize>, Vec<WeakDirection<usize>>) {
     let free = spectrum.free();
-    let views = figure.views.len();
-    let count = figure.points.len() as f64;
+    let views = map.views.len();
+    let count = map.points.len() as f64;
     let (mut indices, mut found) = (Vec::new(), Vec::new());
     for index in 0..spectrum.values.len() {
         let deviation = spectrum.deviation(index, noise);
         let column = spectrum.directions.column(index);
-        let squares = (0..figure.points.len()).map(|point| {
+        let squares = (0..map.points.len()).map(|point| {
             let k = place(views, point);
             column[k] * column[k] + column[k + 1] * column[k + 1]
         });
@@ -106,7 +106,7 @@ fn open_directions(
         let mean = deviation * (sum / count).sqrt();
         let one = deviation * most.sqrt();
         if index < free || mean > WEAK || one > LOOSE {
-            let movers = movers(figure, &spectrum.moves(figure, index)).into_iter();
+            let movers = moving_points(map, &spectrum.moves(map, index)).into_iter();
             indices.push(index);
             found.push(WeakDirection {
                 free: index < free,
@@ -114,7 +114,7 @@ fn open_directions(
                 deviation: if index < free { f64::INFINITY } else { mean },
                 largest: if index < free { f64::INFINITY } else { one },
                 movers: movers
-                    .map(|(point, share)| (figure.subject(point), share))
+                    .map(|(point, share)| (map.subject(point), share))
                     .collect(),
                 cause: None,
             });
@@ -125,8 +125,14 @@ fn open_directions(
 
 impl Examination {
     /// Looks for the configurations that concern the whole map.
-    fn name_whole(&mut self, figure: &Figure, generic: &Figure, noise: f64, all: &[Configuration]) {
-        let mut snapped = figure.clone();
+    fn name_whole(
+        &mut self,
+        map: &NormalizedMap,
+        generic: &NormalizedMap,
+        noise: f64,
+        all: &[Configuration],
+    ) {
+        let mut projected = map.clone();
         for configuration in all {
             let named: usize = self.causes.iter().map(|cause| cause.directions).sum();
             let free = self.spectrum.free();
@@ -134,18 +140,18 @@ impl Examination {
             if !self.causes.is_empty() && named + self.structural >= free {
                 return;
             }
-            if !configuration.fits(&snapped, &self.spectrum, noise) {
+            if !configuration.fits(&projected, &self.spectrum, noise) {
                 continue;
             }
-            let directions = configuration.brings(generic, self.structural);
+            let directions = configuration.freedom_added(generic, self.structural);
             if directions == 0 {
                 continue;
             }
-            let Some(next) = configuration.snapped(&snapped) else {
+            let Some(next) = configuration.projected(&projected) else {
                 continue;
             };
-            snapped = next;
-            self.accept(configuration, directions, &snapped);
+            projected = next;
+            self.accept(configuration, directions, &projected);
         }
     }
 
@@ -156,7 +162,12 @@ impl Examination {
     }
 
     /// Takes a configuration for a cause of what lies in its free directions.
-    fn accept(&mut self, configuration: &Configuration, directions: usize, snapped: &Figure) {
+    fn accept(
+        &mut self,
+        configuration: &Configuration,
+        directions: usize,
+        projected: &NormalizedMap,
+    ) {
         let mut points: Vec<usize> = configuration.points().collect();
         points.sort_unstable();
         let cause = self.causes.len();
@@ -165,7 +176,7 @@ impl Examination {
             points,
             directions,
         });
-        let Some(spectrum) = Spectrum::of(snapped) else {
+        let Some(spectrum) = Spectrum::of(projected) else {
             return;
         };
         let null = spectrum.directions.columns(0, spectrum.free());
@@ -179,22 +190,22 @@ impl Examination {
     }
 
     /// Looks for points that are free by themselves, and for walls that only some views see.
-    fn name_points(&mut self, figure: &Figure, generic: &Figure, noise: f64) {
+    fn name_points(&mut self, map: &NormalizedMap, generic: &NormalizedMap, noise: f64) {
         for _ in 0..ROUNDS {
             let open = self.directions.iter().filter(|d| d.cause.is_none());
             let mut candidates: Vec<Configuration> = Vec::new();
             for direction in open {
                 let moved = direction.movers.iter();
-                let moved = moved.filter_map(|&(subject, _)| figure.point(subject));
+                let moved = moved.filter_map(|&(subject, _)| map.point(subject));
                 if let Some(&(subject, share)) = direction.movers.first()
                     && share > ALONE
-                    && let Some(point) = figure.point(subject)
+                    && let Some(point) = map.point(subject)
                 {
-                    candidates.push(Configuration::of_point(figure, point));
+                    candidates.push(Configuration::of_point(map, point));
                 }
                 let landmarks: Vec<usize> =
-                    moved.filter(|&point| point >= figure.views.len()).collect();
-                if landmarks.len() > 2 && landmarks.len() < figure.landmarks.len() {
+                    moved.filter(|&point| point >= map.views.len()).collect();
+                if landmarks.len() > 2 && landmarks.len() < map.landmarks.len() {
                     candidates.push(Configuration {
                         kind: Kind::CollinearLandmarks,
                         shapes: vec![(Shape::Line, landmarks)],
@@ -203,14 +214,14 @@ impl Examination {
             }
             let known = self.causes.len();
             for configuration in candidates {
-                if !configuration.fits(figure, &self.spectrum, noise) {
+                if !configuration.fits(map, &self.spectrum, noise) {
                     continue;
                 }
-                let directions = configuration.brings(generic, self.structural);
+                let directions = configuration.freedom_added(generic, self.structural);
                 if directions > 0
-                    && let Some(snapped) = configuration.snapped(figure)
+                    && let Some(projected) = configuration.projected(map)
                 {
-                    self.accept(&configuration, directions, &snapped);
+                    self.accept(&configuration, directions, &projected);
                     break;
                 }
             }

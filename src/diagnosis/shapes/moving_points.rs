@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Who moves in a direction: what is left of it after the similarity under which most points stay.
 
-use super::normalized_map::Figure;
+use super::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::uncertainty::largest_first;
@@ -18,16 +18,16 @@ const ROUNDING: f64 = 1e-6;
 ///
 /// Any similarity of the whole changes nothing, so the one is taken off for which the sum of moves
 /// (not of their squares) is least: as many points as possible stay where they are.
-pub fn movers(figure: &Figure, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
-    let units = figure.units();
-    let left = without_similarity(figure, moves, &units);
+pub fn moving_points(map: &NormalizedMap, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
+    let units = map.units();
+    let left = without_similarity(map, moves, &units);
     largest_first(left.into_iter().map(|length| length * length).enumerate())
 }
 
 /// How far each point moves, in its units.
-fn without_similarity(figure: &Figure, moves: &[Vector2<f64>], units: &[f64]) -> Vec<f64> {
+fn without_similarity(map: &NormalizedMap, moves: &[Vector2<f64>], units: &[f64]) -> Vec<f64> {
     let complex = |v: &Vector2<f64>| Complex::new(v.x, v.y);
-    let places: Vec<_> = figure.points.iter().map(complex).collect();
+    let places: Vec<_> = map.points.iter().map(complex).collect();
     let moves: Vec<_> = moves.iter().map(complex).collect();
     let mut weights: Vec<f64> = units.iter().map(|unit| 1.0 / unit).collect();
     let mut left: Vec<f64> = Vec::new();

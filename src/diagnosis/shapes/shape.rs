@@ -30,24 +30,24 @@ impl Shape {
     }
 
     /// The points moved to the nearest places that share the shape; `None` when there is no such shape.
-    pub fn snap(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
+    pub fn project(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
         let middle = centroid(points);
         match self {
             Self::Place => Some(points.iter().map(|_| middle).collect()),
             Self::Line => {
                 let normal = across(line(points).1);
-                let snapped = points
+                let projected = points
                     .iter()
                     .map(|p| p - normal * normal.dot(&(p - middle)));
-                Some(snapped.collect())
+                Some(projected.collect())
             }
             Self::Circle => {
                 let (centre, radius) = circle(points)?;
-                let snapped = points.iter().map(|p| {
+                let projected = points.iter().map(|p| {
                     let offset = p - centre;
                     centre + offset * (radius / offset.norm())
                 });
-                Some(snapped.collect())
+                Some(projected.collect())
             }
         }
     }
@@ -163,12 +163,12 @@ mod tests {
         for (shape, points) in [(Shape::Circle, &circle), (Shape::Line, &line)] {
             let far = shape.distances(points).unwrap();
             assert!(far.iter().all(|d| d.abs() < 1e-14), "{far:?}");
-            for (p, q) in points.iter().zip(shape.snap(points).unwrap()) {
+            for (p, q) in points.iter().zip(shape.project(points).unwrap()) {
                 assert!((p - q).norm() < 1e-14);
             }
         }
         // A line is no circle.
-        assert!(Shape::Circle.snap(&line).is_none());
+        assert!(Shape::Circle.project(&line).is_none());
         assert!(Shape::Line.distances(&circle).unwrap()[0].abs() > 0.1);
     }
 
@@ -178,8 +178,8 @@ mod tests {
             .map(|k| on_circle(f64::from(k)) * (1.0 + 0.02 * f64::from(k % 3)))
             .collect();
         for shape in [Shape::Place, Shape::Line, Shape::Circle] {
-            let snapped = shape.snap(&points).unwrap();
-            let far = shape.distances(&snapped).unwrap();
+            let projected = shape.project(&points).unwrap();
+            let far = shape.distances(&projected).unwrap();
             assert!(far.iter().all(|d| d.abs() < 1e-6), "{shape:?} {far:?}");
         }
     }

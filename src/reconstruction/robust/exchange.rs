@@ -10,7 +10,7 @@ use super::objective::OUTLIER;
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::problem::Problem;
-use crate::uncertainty::Influence;
+use crate::uncertainty::Leverage;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -55,7 +55,7 @@ pub fn exchange(
 
 /// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
 fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
-    let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
+    let Some(influence) = Leverage::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };
     let most = OUTLIER * OUTLIER;
