@@ -6,6 +6,7 @@
 mod diagnose;
 mod finding;
 mod maps;
+mod options;
 mod parts;
 mod report;
 mod sentences;

@@ -3,6 +3,7 @@
 
 use super::finding::{Kind, Severity, apart};
 use super::maps::explaining_map::best_triple;
+use super::options::DiagnosisOptions;
 use super::parts::components::{Core, Part, reached};
 use super::parts::counting;
 use super::parts::subproblem::SubProblem;
@@ -51,6 +52,19 @@ pub fn diagnose(
     map: Option<&Map>,
     progress: Option<Progress<'_>>,
 ) -> Result<Diagnosis, Error> {
+    diagnose_with(problem, map, &DiagnosisOptions::default(), progress)
+}
+
+/// The diagnosis by other thresholds.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_with(
+    problem: &Problem,
+    map: Option<&Map>,
+    options: &DiagnosisOptions,
+    progress: Option<Progress<'_>>,
+) -> Result<Diagnosis, Error> {
     if let Some(map) = map {
         map.check_size(problem)?;
     }
@@ -69,9 +83,9 @@ pub fn diagnose(
         findings: Vec::new(),
     };
     if problem.ties().is_empty() {
-        by_bearings(problem, map, &mut diagnosis, progress)?;
+        by_bearings(problem, map, options, &mut diagnosis, progress)?;
     } else {
-        with_priors(problem, map, &mut diagnosis, progress)?;
+        with_priors(problem, map, options, &mut diagnosis, progress)?;
     }
     diagnosis
         .findings
@@ -83,6 +97,7 @@ pub fn diagnose(
 fn by_bearings(
     problem: &Problem,
     map: Option<&Map>,
+    options: &DiagnosisOptions,
     diagnosis: &mut Diagnosis,
     mut progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
@@ -98,7 +113,7 @@ fn by_bearings(
         findings.extend(counting::too_little(&whole));
     }
     for part in &parts {
-        let subproblem = SubProblem::new(problem, part);
+        let subproblem = SubProblem::new(problem, part, options);
         look_at(&subproblem, map, diagnosis, &mut progress)?;
     }
     diagnosis.components = parts;
@@ -124,8 +139,8 @@ fn look_at(
         diagnosis.extra += counting::missing(&subproblem.part);
         return Ok(());
     }
-    let reached =
-        best_triple(&subproblem.problem).map(|triple| reached(&subproblem.problem, triple));
+    let reached = best_triple(&subproblem.problem, &subproblem.options.maps)
+        .map(|triple| reached(&subproblem.problem, triple));
     let out_of_reach = counting::out_of_reach(&subproblem.part, reached.as_ref());
     diagnosis.findings.extend(out_of_reach);
     match subproblem.choose(progress)? {
@@ -141,10 +156,11 @@ fn look_at(
 fn with_priors(
     problem: &Problem,
     map: Option<&Map>,
+    options: &DiagnosisOptions,
     diagnosis: &mut Diagnosis,
     progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
-    let whole = SubProblem::whole(problem);
+    let whole = SubProblem::whole(problem, options);
     let found;
     let map = match map {
         Some(map) => map,

@@ -10,25 +10,13 @@ use super::parts::counting::{concerning, missing};
 use super::parts::subproblem::SubProblem;
 use super::report::{Diagnosis, NullDirection};
 use super::sentences::{Case, finding, finding_in};
-use super::shapes::examine::{Examination, LOOSE, WEAK, examine};
+use super::shapes::examine::{Examination, examine};
 use super::shapes::normalized_map::NormalizedMap;
 use crate::problem::{Map, Subject, Undetermined, Why};
 use crate::uncertainty::weakest_directions;
 use alloc::format;
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
-
-/// Residuals \[rad\] above which a map explains nothing.
-const PLAUSIBLE_RMS: f64 = 0.1;
-
-/// Residuals of a second map that are less than this many times those of the best leave a doubt.
-const CLEAR_MARGIN: f64 = 3.0;
-
-/// Singular values that are reported.
-const REPORTED: usize = 8;
-
-/// Directions of the sparse equations that are looked at; a map with more free ones is all but undetermined.
-const LOOKED_AT: usize = 12;
 
 impl SubProblem {
     /// Adds what the evidence tells to a diagnosis. `hopeless` when counting has told the worst already.
@@ -37,7 +25,7 @@ impl SubProblem {
         diagnosis.noise = f64::max(diagnosis.noise, noise);
         let (map, lost, margin) = match &chosen.evidence {
             Evidence::Bearings(normalized) => {
-                match examine(normalized, noise) {
+                match examine(normalized, noise, &self.options.shapes) {
                     Some(found) => {
                         self.report_dense(normalized, &found, noise, hopeless, diagnosis)
                     }
@@ -53,9 +41,9 @@ impl SubProblem {
             None => diagnosis
                 .findings
                 .push(self.not_examined("the map has no size")),
-            Some(normalized) => match examine(&normalized, noise) {
+            Some(normalized) => match examine(&normalized, noise, &self.options.shapes) {
                 Some(found) => {
-                    if margin < CLEAR_MARGIN && found.causes.is_empty() {
+                    if margin < self.options.verdict.clear_margin && found.causes.is_empty() {
                         diagnosis.findings.push(self.second_solution(margin));
                     }
                     self.report_dense(&normalized, &found, noise, hopeless, diagnosis);
@@ -100,7 +88,8 @@ impl SubProblem {
         let (rms, _) = self.rms_and_noise(map);
         let told = format!("{:.1}", rms.to_degrees());
         let (kind, severity) = (Kind::PoorFit, Severity::Warning);
-        (rms > PLAUSIBLE_RMS).then(|| self.about_all(Case::Usual, kind, severity, &[("rms", told)]))
+        (rms > self.options.verdict.max_rms)
+            .then(|| self.about_all(Case::Usual, kind, severity, &[("rms", told)]))
     }
 
     fn second_solution(&self, margin: f64) -> Finding {
@@ -139,7 +128,7 @@ impl SubProblem {
         let spectrum = &found.spectrum;
         if diagnosis.singular_values.is_empty() {
             let values = spectrum.values.iter().map(|value| value / spectrum.scale);
-            diagnosis.singular_values = values.take(REPORTED).collect();
+            diagnosis.singular_values = values.take(self.options.verdict.singular_values).collect();
             let held = spectrum.values.get(spectrum.free());
             if let (Some(held), Some(largest)) = (held, spectrum.values.last()) {
                 diagnosis.condition = largest / held;
@@ -198,7 +187,9 @@ impl SubProblem {
         diagnosis: &mut Diagnosis,
     ) {
         let sigmas = noise.map_or(1.0, |noise| noise * self.mean_weight());
-        let Some(found) = weakest_directions(&self.problem, map, LOOKED_AT, sigmas) else {
+        let Some(found) =
+            weakest_directions(&self.problem, map, self.options.verdict.directions, sigmas)
+        else {
             let why = "the normal equations cannot be factorised".to_string();
             let subjects = self.outer_all(map.determined());
             let (kind, severity) = (Kind::NotExamined, Severity::Note);
@@ -213,7 +204,7 @@ impl SubProblem {
         }
         let open = found
             .into_iter()
-            .filter(|d| d.free || d.deviation > WEAK || d.largest > LOOSE);
+            .filter(|d| d.free || self.options.shapes.is_weak(d.deviation, d.largest));
         let unnamed = Kind::UnnamedDirection;
         self.report_directions(open.collect(), unnamed, noise, hopeless, diagnosis);
     }

@@ -30,7 +30,7 @@ pub struct Covariance {
     pub free: usize,
 }
 
-/// Columns of the inverse that are solved for at a time.
+/// Columns of the inverse that are solved for at a time: a few are faster than one, and memory stays small.
 const BATCH: usize = 64;
 
 /// Directions beyond the gauge that are looked for; a map with more is all but undetermined.
@@ -42,8 +42,8 @@ const STANDS: f64 = 1e-6;
 /// Covariances of poses and landmarks of a refined map, (T27).
 ///
 /// The sparse normal equations are factorised with anchors that hold the gauge, and their inverse, column by
-/// column, is brought into the frame by an S-transformation. A rank-deficient problem is none to fail at:
-/// what a free direction moves has infinite variance, the rest its own.
+/// column, is brought into the frame by an S-transformation. A rank-deficient problem is no failure: what a free
+/// direction moves has infinite variance, the rest its own.
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
@@ -188,7 +188,7 @@ impl Transformation {
             Frame::FirstView => FixedByPriors::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
-        // Priors that fix part of a position leave no frame of a view.
+        // Where priors fix only part of a position, the frame of a view does not exist.
         if constraints.len() != gauge.len() {
             constraints = inner_constraints(gauge, views);
         }
@@ -225,7 +225,7 @@ impl Transformation {
         let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
         let mut block = (&full + full.transpose()) * 0.5;
         for k in 0..width {
-            // What the frame holds has rounding for a variance, of either sign.
+            // What the frame holds fixed has no variance but rounding, which may be negative.
             if block[(k, k)] < 0.0 {
                 block.row_mut(k).fill(0.0);
                 block.column_mut(k).fill(0.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The directions in which the sparse normal equations hold a map least.
+//! The weakest directions of a map, from the sparse normal equations.
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
@@ -15,7 +15,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::DMatrix;
 
-/// A direction of a map that is held weakly or not at all, and its cause: of the type that the caller has names in.
+/// A direction of a map that is held weakly or not at all. Its cause is of the type by which the caller names causes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeakDirection<Cause> {
     /// Whether it is free, up to rounding; else it is held weakly.
@@ -55,17 +55,17 @@ pub struct Eigenpair {
     pub gain: f64,
 }
 
-/// Gain beyond which a direction is free: what is left of the information is rounding.
+/// Gain beyond which a direction is free: the information left along it is rounding.
 const FREE: f64 = 1e11;
 
-/// Steps of the iteration; sizes are wanted to a few percent.
+/// Steps of the iteration; they give sizes to a few percent.
 const STEPS: usize = 8;
 
-/// The directions that nothing holds, at most `count`.
+/// The free directions beyond the gauge, at most `count`.
 ///
-/// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
-/// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
-/// with these weights.
+/// Priors and odometry may hold a direction far more weakly than bearings hold the others, and still it is not free. So
+/// each of their rows gets the weight of a typical bearing here, which does not change the null space. The equations
+/// keep these weights.
 pub fn free_directions(
     normal: &mut Normal<'_>,
     rows: &Rows,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
 /// those before it.
-const ROOMS: [&str; 31] = [
+const ROOMS: [&str; 32] = [
     "scalar",
     "float",
     "error",
@@ -35,6 +35,7 @@ const ROOMS: [&str; 31] = [
     "reconstruction/robust",
     "reconstruction/odometry",
     "reconstruction/solve",
+    "diagnosis/options",
     "diagnosis/finding",
     "diagnosis/sentences",
     "diagnosis/shapes",

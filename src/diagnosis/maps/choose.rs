@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which map to look at: of all maps that explain the bearings the one that says most.
+//! Which map to look at: of all maps that explain the bearings, the one that shows most shapes.
 
 use super::super::finding::Kind;
 use super::super::parts::subproblem::SubProblem;
@@ -19,33 +19,35 @@ pub enum Evidence {
     /// A map.
     Map {
         map: Map,
-        /// What it has lost, and why.
+        /// What it has no value for, and why.
         lost: Vec<Undetermined>,
         /// How many times larger the residuals of the next best map are; NaN when none was looked for.
         margin: f64,
     },
-    /// The shape that the bearings show by themselves.
+    /// A map made from the bearings themselves, because they show its shape.
     Bearings(NormalizedMap),
 }
 
-/// Evidence, and the standard deviation of a bearing \[rad\] to judge it by.
+/// What is looked at, and the standard deviation of a bearing \[rad\] to judge it by.
 pub struct Chosen {
     pub evidence: Evidence,
     pub noise: f64,
 }
 
-/// Noise \[rad\] up to which bearings are looked at for shapes when a map has told the noise, which it
-/// may have from a wrong minimum: half a degree.
-const SHOWN_NOISE: f64 = 0.01;
-
 impl SubProblem {
     /// The shape that the bearings show by themselves, for this noise \[rad\].
     fn shown_by_bearings(&self, noise: f64) -> Option<Chosen> {
-        let normalized = map_from_bearings(&self.problem, noise)?;
+        let normalized = map_from_bearings(&self.problem, noise, self.options.maps.sigmas)?;
         Some(Chosen {
             evidence: Evidence::Bearings(normalized),
             noise,
         })
+    }
+
+    /// Maps from the null spaces of tensors.
+    fn explaining_maps(&self) -> impl Iterator<Item = Map> {
+        let found = explaining_maps(&self.problem, &self.options.maps);
+        found.into_iter().map(|found| found.map)
     }
 
     /// A map made from the bearings, whether they determine it or not; `None` when there is none.
@@ -57,14 +59,15 @@ impl SubProblem {
         if let Some(shown) = self.shown_by_bearings(stated.unwrap_or(0.0)) {
             return Ok(Some(shown));
         }
-        let found = match explaining_map(&self.problem, progress) {
+        let found = match explaining_map(&self.problem, &self.options.maps, progress) {
             Err(error @ Error::Interrupted) => return Err(error),
             Err(_) | Ok(None) => return Ok(None),
             Ok(Some(found)) => found,
         };
         let noise = stated.unwrap_or_else(|| self.rms_and_noise(&found.map).1);
         if stated.is_none()
-            && let Some(shown) = self.shown_by_bearings(f64::min(noise, SHOWN_NOISE))
+            && let Some(shown) =
+                self.shown_by_bearings(f64::min(noise, self.options.maps.max_unstated_noise))
         {
             return Ok(Some(shown));
         }
@@ -80,22 +83,19 @@ impl SubProblem {
         }))
     }
 
-    /// Another map than the one that was found, if its shape is known and tells more: where something is
-    /// free, the bearings allow many.
+    /// Where something is free, many maps explain the bearings: another one than that which was found, if it has a
+    /// shape that explains why.
     fn more_telling_map(
         &self,
         found: &ExplainingMap,
         noise: f64,
     ) -> Option<(Map, Vec<Undetermined>)> {
-        let own = self.examined(&found.map, noise);
-        let doubt = own.is_none_or(|own| own.directions.iter().any(|d| d.largest > 1.0));
+        let known = self.examined(&found.map, noise);
+        // In a direction along which noise moves a point by all of its unit, the map may be any.
+        let doubt = known.is_none_or(|known| known.directions.iter().any(|d| d.largest > 1.0));
         let mut others = found.others.clone();
         if doubt || !found.undetermined.is_empty() {
-            others.extend(
-                explaining_maps(&self.problem)
-                    .into_iter()
-                    .map(|other| other.map),
-            );
+            others.extend(self.explaining_maps());
         }
         let first = core::iter::once((&found.map, &found.undetermined[..]));
         let maps: Vec<_> = first
@@ -103,7 +103,12 @@ impl SubProblem {
             .collect();
         let member = |pick: &dyn Fn(&WallFamily) -> Option<Map>, kind: Kind| {
             maps.iter().find_map(|(map, lost)| {
-                let member = pick(&WallFamily::of(&self.problem, map, lost)?)?;
+                let member = pick(&WallFamily::of(
+                    &self.problem,
+                    map,
+                    lost,
+                    &self.options.maps,
+                )?)?;
                 let map = self.refine_member(member, &found.map, noise)?;
                 self.has_shape(&map, kind, noise).then_some(map)
             })
@@ -114,8 +119,8 @@ impl SubProblem {
             .map(|map| (map, Vec::new()))
     }
 
-    /// A given map; if it shows nothing, what the bearings show, or a wall whose noise has been taken for
-    /// depth, or a circle that noise has left.
+    /// A given map; if it has no shape, what the bearings show by themselves, or the map without noise next to it whose
+    /// landmarks are on a wall or, if they are four, on a circle.
     pub fn choose_given(&self, map: Map, hopeless: bool) -> Chosen {
         let stated = self.stated_noise();
         let (_, estimated) = self.rms_and_noise(&map);
@@ -124,18 +129,19 @@ impl SubProblem {
         let mut map = map;
         let mut margin = f64::NAN;
         if !hopeless {
-            let own = self.examined(&map, noise);
-            if own.is_some_and(|own| own.causes.is_empty()) {
-                if let Some(shown) = self.shown_by_bearings(f64::min(noise, SHOWN_NOISE)) {
+            let known = self.examined(&map, noise);
+            if known.is_some_and(|known| known.causes.is_empty()) {
+                if let Some(shown) =
+                    self.shown_by_bearings(f64::min(noise, self.options.maps.max_unstated_noise))
+                {
                     return shown;
                 }
-                let wall = WallFamily::of(&self.problem, &map, &lost)
+                let wall = WallFamily::of(&self.problem, &map, &lost, &self.options.maps)
                     .and_then(|family| self.refine_member(family.compact()?, &map, noise))
                     .filter(|member| self.has_shape(member, Kind::CollinearLandmarks, noise));
                 let four = || {
                     let few = self.problem.landmarks() == 4;
-                    let others = few.then(|| explaining_maps(&self.problem))?.into_iter();
-                    let others: Vec<_> = others.map(|other| other.map).collect();
+                    let others: Vec<_> = few.then(|| self.explaining_maps())?.collect();
                     self.midpoint_map(&map, &others, noise)
                 };
                 if let Some(member) = wall.or_else(four) {
@@ -153,7 +159,7 @@ impl SubProblem {
         }
     }
 
-    /// How far the next best map is from the best, by their costs per degree of freedom.
+    /// How many times larger the residuals of the next best map are, from costs per degree of freedom.
     fn margin(&self, best: f64, rivals: &[f64]) -> f64 {
         let next = rivals.iter().copied().fold(f64::INFINITY, f64::min);
         // Costs of exact maps are rounding.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Two maps that were one before the noise: where solutions merge, noise tears them apart.
+//! Four landmarks near a circle: the two maps that explain noisy bearings, and the map between them.
 //!
-//! Any map of four landmarks has a twin that explains the bearings as well, and the two are one where the
-//! landmarks are on a circle. Bearings with noise of such a scene have two solutions some way off it, on
-//! either side; the map between them is on it up to the square of that way.
+//! Any map of four landmarks has a twin that explains the bearings as well, and the two are the same where the
+//! landmarks are on a circle. From noisy bearings of such a scene come two solutions at about the same distance from
+//! the circle, on either side of it; the map halfway between is off the circle by the square of that distance only.
 
 use super::super::finding::Kind;
 use super::super::parts::subproblem::SubProblem;
@@ -14,7 +14,7 @@ use nalgebra::{Point2, center};
 
 impl SubProblem {
     /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
-    /// circle, be it one of the others or halfway to one of them.
+    /// circle, one of the others or halfway to one of them.
     pub fn midpoint_map(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
         if self.problem.landmarks() != 4 {
             return None;
@@ -26,7 +26,7 @@ impl SubProblem {
     }
 }
 
-/// The map between two, the second laid over the first.
+/// The map halfway between two, after the second has been aligned with the first.
 fn midpoint(one: &Map, other: &Map) -> Option<Map> {
     let place = |pose: &Pose<f64>| Point2::from(pose.translation.vector);
     let points = |map: &Map| {

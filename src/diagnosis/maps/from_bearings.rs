@@ -14,21 +14,19 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector2};
 
-/// Bearings differ from what they should be by at most this many standard deviations.
-const SURE: f64 = 4.0;
-
-/// Rounding errors of a bearing, and of a sum of two.
+/// Rounding errors of a bearing, and of a sum of two, in roundings of 1. Far below any noise.
 const ROUNDINGS: f64 = 64.0;
 
-/// Fewest landmarks of two views whose bearings tell whether they differ by a constant.
+/// Fewest landmarks of two views whose bearings tell whether they differ by a constant: two may by chance.
 const MIN_COMMON: usize = 3;
 
-/// A map of the shape that the bearings show; `noise` is their standard deviation \[rad\], 0 for exact.
+/// A map of the shape that the bearings show; `noise` is their standard deviation \[rad\], 0 for exact;
+/// they are off the shape by at most so many `sigmas`.
 ///
-/// `None` when the bearings show no such shape. Only orders of the shape are in the map: where
-/// points are along the line or circle, and how far along their rays, is made up.
-pub fn map_from_bearings(problem: &Problem, noise: f64) -> Option<NormalizedMap> {
-    let bound = SURE * noise + ROUNDINGS * f64::EPSILON;
+/// `None` when the bearings show no such shape. The map is made up as far as the bearings leave it open: where
+/// points are along the line or circle, and how far along their rays.
+pub fn map_from_bearings(problem: &Problem, noise: f64, sigmas: f64) -> Option<NormalizedMap> {
+    let bound = sigmas * noise + ROUNDINGS * f64::EPSILON;
     on_one_line(problem, bound).or_else(|| {
         // Differences of two bearings.
         let bound = bound * core::f64::consts::SQRT_2;
@@ -218,5 +216,5 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     )
 }
 
-/// Turns between two places that are tried: any would do that leaves no rays parallel.
+/// Turns between two places that are tried: any will do that leaves no rays parallel.
 const TURNS: u32 = 16;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What the sightings alone tell, before any map: counting, parts, who sees too little.
+//! What the sightings alone tell, before any map: which views and landmarks take part, and in which parts.
 
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Problem};
 use alloc::vec;
@@ -8,14 +8,14 @@ use alloc::vec::Vec;
 /// A part of a problem that its sightings connect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its views.
+    /// Its views, ascending.
     pub views: Vec<usize>,
-    /// Its landmarks.
+    /// Its landmarks, ascending.
     pub landmarks: Vec<usize>,
     /// Sightings between them.
     pub sightings: usize,
-    /// How many directions of the whole odometry and priors leave free, 4 without them; and how many
-    /// numbers they give.
+    /// How many directions of the gauge odometry and priors leave free, 4 without them; and how many numbers they
+    /// give.
     pub ties: (usize, usize),
 }
 
@@ -30,8 +30,8 @@ impl Part {
         }
     }
 
-    /// Sightings less unknowns, but for the four of the gauge, (T20). Negative: minus so many directions
-    /// are free, whatever the geometry.
+    /// Redundancy: sightings less unknowns, where the free directions of the gauge are no unknowns, (T20). If it is
+    /// negative, at least so many directions are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
         let (free, numbers) = self.ties;
@@ -41,7 +41,7 @@ impl Part {
     }
 }
 
-/// Who takes part: those with enough sightings of each other.
+/// Views and landmarks with enough sightings of each other to take part.
 pub struct Core {
     /// For each view, whether it sees three landmarks of the core.
     pub views: Vec<bool>,
@@ -50,7 +50,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Drops who sees or is seen too little, until nobody is left who does.
+    /// Drops views and landmarks of too few sightings, until none is left.
     pub fn of(problem: &Problem) -> Self {
         let mut core = Self {
             views: vec![true; problem.views()],

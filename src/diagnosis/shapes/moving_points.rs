@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Who moves in a direction: what is left of it after the similarity under which most points stay.
+//! Which points move in a direction: what is left of it after the similarity under which most points stay.
 
 use super::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
@@ -8,16 +8,16 @@ use crate::uncertainty::largest_first;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Vector2};
 
-/// Rounds of reweighting; the weights settle within a dozen.
+/// Rounds of reweighting, twice as many as the weights usually need to converge.
 const ROUNDS: usize = 25;
 
-/// Moves less than this share of the largest are rounding of the fit.
+/// Moves less than this share of the largest are rounding of the fit; a floor for the weights.
 const ROUNDING: f64 = 1e-6;
 
 /// The points that move and their shares of the squared moves, largest first.
 ///
-/// Any similarity of the whole changes nothing, so the one is taken off for which the sum of moves
-/// (not of their squares) is least: as many points as possible stay where they are.
+/// A similarity of the whole changes no bearing, so it may be subtracted: the one that leaves the least sum of moves,
+/// not of their squares, because then as many points as possible stay where they are.
 pub fn moving_points(map: &NormalizedMap, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
     let units = map.units();
     let left = without_similarity(map, moves, &units);

@@ -17,11 +17,12 @@ pub enum Shape {
     Circle,
 }
 
-/// A circle whose radius is more than this many extents of its points is a line to them.
+/// A circle whose radius is more than this many extents of its points is a line: the arc leaves its chord by less
+/// than a fortieth of the extent. It defines what a circle is.
 const FLATTEST: f64 = 20.0;
 
 impl Shape {
-    /// How many of the distances of points the nearest shape takes up.
+    /// How many parameters of the nearest shape are fitted to the distances of its points.
     pub fn parameters(self) -> usize {
         match self {
             Self::Place | Self::Line => 2,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How far the bearings hold each direction of a map: the singular values of the Jacobian.
+//! How firmly the bearings hold each direction of a map: the singular values of the Jacobian.
 
+use super::super::options::ShapeOptions;
 use super::normalized_map::{NormalizedMap, median};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -22,24 +23,24 @@ pub struct Spectrum {
     rounding: f64,
 }
 
-/// Most parameters for which the spectrum is computed, and most sightings times their square: a second or
-/// two. Time and memory grow with that product.
-const MAX_PARAMETERS: usize = 600;
-const MAX_WORK: usize = 2_000_000_000;
-
-/// A sighting over less than this part of the map's size ties two places together and tells little
-/// else; its huge weight would only drown the rest, so it is cut to what it has there.
+/// A sighting over less than this part of the map's size says that two places are one and little else. Its row,
+/// which grows with one over the distance, is kept at what it is there, so that the others are not rounding beside it.
 const TOUCHING: f64 = 1e-3;
 
-/// Steps of the singular value decomposition per parameter; two are usual.
+/// Singular values below so many roots of the rounding are zero: positions come out of exact bearings with half the
+/// digits where two solutions merge.
+const ROOTS: f64 = 8.0;
+
+/// Most steps of the singular value decomposition per parameter; two are usual.
 const STEPS: usize = 60;
 
 impl Spectrum {
     /// The spectrum of a map; `None` when it is too large, or if the decomposition fails.
-    pub fn of(map: &NormalizedMap) -> Option<Self> {
+    pub fn of(map: &NormalizedMap, options: &ShapeOptions) -> Option<Self> {
         let units = parameter_units(map);
         let count = units.len();
-        if count > MAX_PARAMETERS || map.sightings.len() * count * count > MAX_WORK {
+        if count > options.max_parameters || map.sightings.len() * count * count > options.max_work
+        {
             return None;
         }
         let mut jacobian = rows(map);
@@ -85,11 +86,8 @@ impl Spectrum {
     }
 
     /// How many directions the bearings leave free, up to rounding.
-    ///
-    /// Where two solutions merge, positions come out of exact bearings with the root of the rounding; so a
-    /// singular value below a few roots is zero.
     pub fn free(&self) -> usize {
-        let bound = 8.0 * self.rounding.sqrt() * self.scale;
+        let bound = ROOTS * self.rounding.sqrt() * self.scale;
         self.values
             .iter()
             .take_while(|&&value| !(value > bound))
@@ -124,7 +122,7 @@ pub fn place(views: usize, point: usize) -> usize {
     }
 }
 
-/// The Jacobian, one row per sighting, (T12). Further measurements add their rows here.
+/// The Jacobian, one row per sighting, (T12).
 fn rows(map: &NormalizedMap) -> DMatrix<f64> {
     let views = map.views.len();
     let mut matrix = DMatrix::zeros(map.sightings.len(), 3 * views + 2 * map.landmarks.len());
@@ -159,10 +157,10 @@ fn parameter_units(map: &NormalizedMap) -> Vec<f64> {
     units
 }
 
-/// Householder vectors that turn the directions of the gauge that nothing holds into the first axes.
+/// Householder vectors that turn the free directions of the gauge into the first axes.
 ///
-/// Translation, rotation and scaling; with bearings alone all four are free. Measurements that hold
-/// some of them, such as known poses, take them out of the gauge by themselves.
+/// The gauge is translation, rotation and scaling. Only those that the Jacobian leaves free are taken: all four, as
+/// long as the rows are those of bearings.
 fn free_gauge(
     map: &NormalizedMap,
     jacobian: &DMatrix<f64>,
@@ -191,7 +189,7 @@ fn free_gauge(
     let Some(turns) = held.v_t else {
         return Vec::new();
     };
-    let bound = 8.0 * map.rounding.sqrt() * scale;
+    let bound = ROOTS * map.rounding.sqrt() * scale;
     let mut reflectors: Vec<DVector<f64>> = Vec::new();
     for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
         if *value > bound {
