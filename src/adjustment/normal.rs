@@ -7,7 +7,7 @@
 
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::StepSolver;
-use super::gauge::{anchors, free_directions};
+use super::gauge::{anchors, gauge_directions};
 use super::prior_rows::TieRow;
 use super::sparse::SparseCholesky;
 use crate::lm::BearingRow;
@@ -264,7 +264,7 @@ impl StepSolver for Normal<'_> {
         result: &mut Bundle,
     ) -> Option<f64> {
         let damping = damping;
-        self.assemble(rows, &free_directions(self.problem, bundle));
+        self.assemble(rows, &gauge_directions(self.problem, bundle));
         if !self.factorize(damping) {
             return None;
         }
