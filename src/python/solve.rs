@@ -3,7 +3,7 @@
 
 use super::convert::{self, Floats};
 use super::errors;
-use super::observer::Observer;
+use super::observer::InterpreterObserver;
 use super::reconstruction::{self, RawReconstruction};
 use super::request::Request;
 use crate::{
@@ -80,7 +80,7 @@ pub fn initialize<'py>(
 ) -> PyResult<Vec<RawReconstruction<'py>>> {
     let problem = request.read(py)?;
     let options = settings.read(py)?;
-    let found = Observer::run(py, progress, |watch| {
+    let found = InterpreterObserver::run(py, progress, |watch| {
         crate::initialize(&problem, &options, Some(watch))
     })?;
     reconstruction::best_with_alternatives(py, &found, None)
@@ -103,7 +103,7 @@ pub fn solve<'py>(
     } else {
         options.refine.loss
     };
-    let (found, covariance) = Observer::run(py, progress, |watch| {
+    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::solve(&problem, &options, Some(&mut *watch))?;
         let covariance = wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, watch));
         Ok((found, covariance.transpose()?))
@@ -125,7 +125,7 @@ pub fn refine<'py>(
     let start = convert::map(py, &poses, &landmarks)?;
     let options = settings.refine_options(py)?;
     let wanted = covariance.map(|name| Wanted::of(py, &name)).transpose()?;
-    let (found, covariance) = Observer::run(py, progress, |watch| {
+    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::refine(&problem, &start, &options, Some(&mut *watch))?;
         let covariance =
             wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, watch));
