@@ -86,12 +86,16 @@ pub use adjustment::{RefineOptions, Report, Watch, refine_map};
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
 pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
-pub use error::Error;
+pub use error::{Degeneracy, Error};
 pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
 };
-pub use kernels::*;
+pub use kernels::{
+    CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,
+    TrifocalTensor, Triple, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
+    resect, three_view, three_view_with_landmarks, triangulate, trifocal_tensor,
+};
 pub use lm::{Loss, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{

@@ -6,7 +6,7 @@
 //! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
 
 use super::prior_rows::{TieRow, linearize};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{extent, horizon};
@@ -188,7 +188,7 @@ impl Bundle {
         match sizes.into_iter().find(|size| usable(*size)) {
             Some(size) => Ok(power(size)),
             None => Err(Error::Degenerate {
-                quantity: "extent of the start",
+                kind: Degeneracy::CoincidentStart,
                 value: sizes[1],
                 bound: 0.0,
             }),

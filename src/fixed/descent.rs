@@ -3,7 +3,7 @@
 
 use super::row::{Around, Row, horizon, settle};
 use super::{FixedMap, MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Workspace};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::Pose;
 use crate::lm::Termination;
 use crate::scalar::Real;
@@ -287,7 +287,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         match [extent(views), whole].into_iter().find(usable) {
             Some(size) => Ok(power(size)),
             None => Err(Error::Degenerate {
-                quantity: "extent of the start",
+                kind: Degeneracy::CoincidentStart,
                 value: whole.as_f64(),
                 bound: 0.0,
             }),

@@ -2,7 +2,7 @@
 //! A landmark from bearings taken at known poses.
 
 use super::triangular::TriangularFactor;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2};
@@ -121,7 +121,7 @@ fn solve<T: Real>(
     let bound = T::eps() * T::lit(16.0);
     if !(parallax > bound) {
         return Err(Error::Degenerate {
-            quantity: "parallax of the rays",
+            kind: Degeneracy::ParallelRays,
             value: parallax.as_f64(),
             bound: bound.as_f64(),
         });

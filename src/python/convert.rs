@@ -31,25 +31,18 @@ pub fn invalid(py: Python<'_>, message: &str) -> PyErr {
 
 pub fn error(py: Python<'_>, error: Error) -> PyErr {
     let message = format!("{error}");
-    let (quantity, value, bound) = match error {
-        Error::Degenerate {
-            quantity,
-            value,
-            bound,
-        } => (quantity, value, bound),
-        // What the geometry of the data leaves open, too.
+    let (kind, value, bound) = match error {
+        Error::Degenerate { kind, value, bound } => (kind.name(), value, bound),
+        // What the geometry of the data leaves open, too: inliers beyond the unknowns, of which there should be
+        // one for four outliers.
         Error::NoConsensus {
             freedom, outliers, ..
-        } => (
-            "inliers beyond the unknowns, of which there should be one for four outliers",
-            freedom as f64,
-            outliers as f64 / 4.0,
-        ),
+        } => ("no_consensus", freedom as f64, outliers as f64 / 4.0),
         _ => return invalid(py, &message),
     };
     let details = PyDict::new(py);
     let filled = details
-        .set_item("quantity", quantity)
+        .set_item("kind", kind)
         .and_then(|()| details.set_item("value", value))
         .and_then(|()| details.set_item("bound", bound));
     match filled {

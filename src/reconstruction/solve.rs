@@ -115,7 +115,7 @@ pub fn refine(
 /// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
 /// wall, views in one place) or exact bearings leave a direction of the map free;
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
-/// says so; with [`SolveOptions::robust`] [`Error::TooCoarse`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
+/// says so; with [`SolveOptions::robust`] [`Error::SigmaTooLarge`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
 /// [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
 /// # Example

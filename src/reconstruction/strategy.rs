@@ -9,7 +9,7 @@ use super::result::Reconstruction;
 use super::search::hypotheses::{self, MIN_SHARED};
 use super::search::{first_three, plain};
 use super::{global, incremental};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -151,7 +151,7 @@ pub fn first_maps(
 fn no_map(problem: &Problem) -> Error {
     match hypotheses::too_few(problem, MIN_SHARED) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
-            quantity: "number of maps with a sighting to spare",
+            kind: Degeneracy::NoSpareSighting,
             value: 0.0,
             bound: 1.0,
         },

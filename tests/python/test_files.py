@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.report import describe
-from bearslam.sightings_file import parse, render
+from bearslam.cli.report import describe
+from bearslam.io.sightings_csv import parse, render
 
 GOOD = """\
 # the kitchen, on a Tuesday

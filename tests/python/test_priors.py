@@ -6,7 +6,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, PosePriors, Sightings
-from bearslam.align import wrap
+from bearslam.data.align import wrap
 
 NOISE = 0.009
 SIGMA = (0.02, 0.02, 0.01)
@@ -178,7 +178,7 @@ ONE = ([0], [1], [[1.0, 0.0, 0.0]])
 SCENE = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
 BAD = [
     (lambda: Odometry([0, 1], [1], np.zeros((2, 3)), SIGMA), "end: expected as many entries as start has, 2, got 1"),
-    (lambda: Odometry([0], [0], [[1, 0, 0]], SIGMA), r"end\[0\]: expected another view than that of start, got 0"),
+    (lambda: Odometry([0], [0], [[1, 0, 0]], SIGMA), r"end\[0\]: expected a view other than that of start, got 0"),
     (lambda: Odometry([0], [-1], [[1, 0, 0]], SIGMA), r"end\[0\]: expected an index from 0"),
     (lambda: Odometry([0], [1], [[1, 0]], SIGMA), r"delta: expected an array of shape \(1, 3\), got \(1, 2\)"),
     (lambda: Odometry([0], [1], [[1, 0, np.nan]], SIGMA), r"delta\[0, 2\]: expected a finite number, got nan"),

@@ -3,7 +3,7 @@
 
 use crate::common::{LAYOUTS, scene, truth};
 use bearslam::{
-    Bearing, Branch, Error, FixedMap, FixedOptions, Layout, Map, Pose, Problem, Real,
+    Bearing, Branch, Degeneracy, Error, FixedMap, FixedOptions, Layout, Map, Pose, Problem, Real,
     RefineOptions, Scene, Termination, Workspace, pose, refine_map,
 };
 use nalgebra::Point2;
@@ -477,7 +477,7 @@ fn wrong_input_is_named_and_changes_nothing() {
     assert!(matches!(
         refuse(&broken),
         Error::Degenerate {
-            quantity: "extent of the start",
+            kind: Degeneracy::CoincidentStart,
             ..
         }
     ));

@@ -17,7 +17,7 @@ use super::growth::{GrowthOptions, grow_along_odometry};
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{RefineOptions, fitted, refine_map};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::lm::Loss;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
@@ -118,7 +118,7 @@ pub fn solve_posterior(
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of starts that could be refined",
+    kind: Degeneracy::NoStart,
     value: 0.0,
     bound: 1.0,
 };

@@ -53,7 +53,7 @@ impl Default for RobustGrowthOptions {
 /// Priors are not looked at: the maps are in frames of their own.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn along_odometry(
     problem: &Problem,
     options: &SolveOptions,
@@ -199,7 +199,7 @@ pub fn is_searchable(problem: &Problem) -> bool {
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn from_start(
     problem: &Problem,
     start: &Map,

@@ -15,7 +15,7 @@ use super::options::RobustOptions;
 use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::adjustment::RefineOptions;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::kernels::Motion;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
@@ -31,7 +31,7 @@ const COARSEST: f64 = 0.35;
 /// The map that explains most of the bearings, and which these are.
 ///
 /// # Errors
-/// As [`solve`], and [`Error::TooCoarse`] for a standard deviation above [`COARSEST`].
+/// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
 pub fn solve_robust(
     problem: &Problem,
     options: &SolveOptions,
@@ -76,7 +76,7 @@ pub fn robust_options(options: &SolveOptions) -> RobustOptions {
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of maps that more than a sample agrees with",
+    kind: Degeneracy::NoSupport,
     value: 0.0,
     bound: 1.0,
 };
@@ -91,7 +91,7 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
         .min_by_key(|(_, index)| **index);
     match coarse {
         None => Ok(()),
-        Some((s, &index)) => Err(Error::TooCoarse {
+        Some((s, &index)) => Err(Error::SigmaTooLarge {
             what: "sigma",
             index,
             value: s.weight.recip(),
