@@ -25,7 +25,7 @@ pub struct GrowthOptions {
     /// Most iterations of each refinement on the way: a piece only has to stay near its minimum.
     pub iterations: usize,
     /// Parallax (smaller over larger singular value of the directions of the rays) below which a landmark of a
-    /// growing piece has to wait: rays that spread by less than six degrees tell its range badly.
+    /// growing piece has to wait: rays that spread by less than six degrees determine its range badly.
     pub min_parallax: f64,
     /// Fewest shared landmarks that lay one piece over another: as many as fix a similarity.
     pub min_shared: usize,
@@ -65,7 +65,7 @@ pub trait Placement {
     /// A view that no odometry reaches, with its pose by the landmarks of the piece; `None` when there is none.
     fn next_apart(&self, map: &Map) -> Option<(usize, Pose<f64>)>;
 
-    /// The last word on the landmarks of a piece that has been refined.
+    /// Places the landmarks of a piece after its last refinement.
     fn finish_piece(&mut self, map: &mut Map);
 
     /// Two pieces as one, given the landmarks that they share, in the second and in the first; `None` when

@@ -3,8 +3,7 @@
 
 use super::super::grow::{grow, resect_view};
 use super::super::robust::motions::Motion;
-use super::growth::GrowthOptions;
-use super::growth::{Placement, Shared, laid_over};
+use super::growth::{GrowthOptions, Placement, Shared, laid_over};
 use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -16,11 +15,11 @@ use alloc::vec::Vec;
 /// Options of the growth by least squares.
 #[derive(Clone, Copy, Debug)]
 struct StrideOptions {
-    /// A piece is refined each time it has grown by one view in so many.
+    /// A piece is refined again when it has grown by one view for so many that it had.
     part: usize,
-    /// And by how many views that is at least.
+    /// The fewest views by which it grows in between.
     shortest: usize,
-    /// And at most: a long way by odometry alone leads out of the reach of the refinement.
+    /// The most views by which it grows in between: a long way by odometry alone leads out of the reach of the refinement.
     longest: usize,
     /// Tolerance of the refinements on the way, relative to the cost.
     tolerance: f64,

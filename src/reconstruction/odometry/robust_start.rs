@@ -32,7 +32,7 @@ const FIXING: usize = 2;
 /// Options of the robust growth.
 #[derive(Clone, Copy, Debug)]
 struct RobustGrowthOptions {
-    /// A piece is refined each time it has grown by one view in so many: more often than by least squares, because
+    /// A piece is refined again when it has grown by one view for so many that it had: more often than by least squares, because
     /// a wrong bearing leads astray whatever is placed after it.
     part: usize,
     /// Most pairs of shared landmarks by which it is tried to lay one piece over another.
@@ -188,7 +188,7 @@ impl Placement for RobustPlacement<'_> {
 }
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
-/// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
+/// placed among outliers. Its work is quadratic in the views, and in vain where most cannot be placed.
 pub fn is_searchable(problem: &Problem) -> bool {
     let enough = RobustOptions::default().agreeing_of_view;
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
