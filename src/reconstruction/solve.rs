@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From bearings to the best map: hypotheses, refinement, choice.
+//! The public verbs: a first map, the refinement of a start, and the best map from nothing.
 
 use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, choose, judged};

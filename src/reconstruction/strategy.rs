@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which path suits how much the views see, and what becomes of several maps.
+//! Which strategy suits how much the views see, what it finds, and how the maps of several components are returned.
 
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;

@@ -37,7 +37,7 @@ pub fn finish(
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);
-                // What is not at rest makes no room.
+                // A map that has not converged makes no room.
                 if !converged {
                     break;
                 }

@@ -84,7 +84,7 @@ impl<'a> LeastSquaresPlacement<'a> {
 }
 
 impl Placement for LeastSquaresPlacement<'_> {
-    fn known(&self) -> Map {
+    fn known(&self) -> Option<Map> {
         let mut known = Map::empty(self.problem.views(), self.problem.landmarks());
         for tie in self.problem.ties() {
             match tie {
@@ -97,7 +97,8 @@ impl Placement for LeastSquaresPlacement<'_> {
                 _ => {}
             }
         }
-        known
+        let fixed = known.determined().next().is_some();
+        fixed.then_some(known)
     }
 
     fn refine_options(&self) -> RefineOptions {
@@ -117,9 +118,6 @@ impl Placement for LeastSquaresPlacement<'_> {
     fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
         from * motion.delta
     }
-
-    // They wait for the next refinement.
-    fn place_landmarks_of(&mut self, _: &mut Map, _: usize) {}
 
     fn place_landmarks(&mut self, map: &mut Map) {
         self.triangulate(map, self.min_parallax);
@@ -141,10 +139,6 @@ impl Placement for LeastSquaresPlacement<'_> {
 
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
         laid_over(maps, shared)
-    }
-
-    fn refines_joined(&self) -> bool {
-        false
     }
 
     fn complete(&mut self, map: &mut Map) -> Result<(), Error> {

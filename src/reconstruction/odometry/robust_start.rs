@@ -115,10 +115,6 @@ impl RobustPlacement<'_> {
 }
 
 impl Placement for RobustPlacement<'_> {
-    fn known(&self) -> Map {
-        Map::empty(self.problem.views(), self.problem.landmarks())
-    }
-
     fn refine_options(&self) -> RefineOptions {
         self.robust.refine
     }
@@ -145,13 +141,6 @@ impl Placement for RobustPlacement<'_> {
             self.place_landmark(map, landmark);
         }
     }
-
-    // They are placed once the pieces are joined, by all landmarks.
-    fn next_apart(&self, _: &Map) -> Option<(usize, Pose<f64>)> {
-        None
-    }
-
-    fn finish_piece(&mut self, _: &mut Map) {}
 
     /// By the two shared landmarks with which most bearings agree, or by all of them if that is better.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
