@@ -3,16 +3,15 @@
 //!
 //! `docs/theory.md` has the geometry, `docs/diagnosis.md` the list of findings.
 
-mod beyond;
-mod describe;
 mod diagnose;
 mod finding;
 mod maps;
+mod options;
 mod parts;
 mod report;
+mod sentences;
 mod shapes;
 mod verdict;
-mod words;
 
 pub use diagnose::diagnose;
 pub use finding::{Finding, Kind, Severity};

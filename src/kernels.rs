@@ -21,9 +21,11 @@ pub use motion::Motion;
 pub use projective::{
     Epipoles, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
 };
+pub(crate) use resect::MIN_LANDMARKS_OF_VIEW;
 pub use resect::{Resection, resect};
 pub use tensor::TrifocalTensor;
 pub use three_view::{Method, ThreeView, three_view, three_view_with_landmarks, trifocal_tensor};
+pub(crate) use triangulate::MIN_VIEWS_OF_LANDMARK;
 pub use triangulate::{Triangulation, triangulate};
 
 use crate::error::Error;

@@ -5,7 +5,7 @@ mod tally;
 mod trial;
 
 pub use tally::{BINS_PER_OCTAVE, Histogram, Quantity, Tally};
-pub use trial::{Outcome, Start, Trial};
+pub use trial::{Start, Trial, TrialOutcome};
 
 use crate::error::Error;
 use crate::simulate::Layout;

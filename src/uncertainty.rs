@@ -10,7 +10,8 @@ mod weak_directions;
 
 pub use covariance::{Covariance, covariance};
 pub use frame::Frame;
-pub(crate) use leverage::Influence;
+pub(crate) use leverage::Leverage;
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;
-pub(crate) use weak_directions::{Loose, loose_directions};
+pub use weak_directions::WeakDirection;
+pub(crate) use weak_directions::{largest_first, weakest_directions};

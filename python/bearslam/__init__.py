@@ -16,6 +16,7 @@ True
 from bearslam._core import __version__
 from bearslam.data.align import Similarity, align
 from bearslam.data.estimate import Undetermined
+from bearslam.data.options import RefineOptions, SearchOptions
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem
 from bearslam.data.sightings import Offsets, Sightings
@@ -53,7 +54,9 @@ __all__ = [
     "PosePriors",
     "Problem",
     "Reconstruction",
+    "RefineOptions",
     "Scene",
+    "SearchOptions",
     "Sightings",
     "Similarity",
     "SweepResult",

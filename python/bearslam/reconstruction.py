@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 from bearslam.data.estimate import Estimate, Termination, Undetermined
 from bearslam.data.maps import MapLike
-from bearslam.data.options import CovarianceFrame
+from bearslam.data.options import CovarianceFrame, Settings
 from bearslam.data.request import Request
 from bearslam.io import files, gtsam
 
@@ -32,7 +32,7 @@ class Reconstruction(Estimate):
     ----------
     poses, landmarks
         The map.
-    sightings, residuals, inliers, cost, rms
+    sightings, residuals, inliers, cost, rms, freedom
         How well it explains the bearings.
     sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
         How well the bearings determine it.
@@ -40,8 +40,8 @@ class Reconstruction(Estimate):
         How the refinement ended.
     undetermined, alternatives, components
         What it leaves out, and other maps.
-    oriented, odometry, pose_priors, landmark_priors, view_ids, landmark_ids
-        What it was made from.
+    oriented, odometry, pose_priors, landmark_priors, view_ids, landmark_ids, settings
+        What it was made from, and how.
 
     See Also
     --------
@@ -163,14 +163,14 @@ class Reconstruction(Estimate):
         return gtsam.to_gtsam(self)
 
 
-def best_with_alternatives(request: Request, raws: Sequence[RawReconstruction]) -> Reconstruction:
+def best_with_alternatives(request: Request, settings: Settings, raws: Sequence[RawReconstruction]) -> Reconstruction:
     """The best of several maps, with the others as its alternatives."""
     winner, *others = raws
-    return from_core(request, winner, tuple(from_core(request, other) for other in others))
+    return from_core(request, settings, winner, tuple(from_core(request, settings, other) for other in others))
 
 
 def from_core(
-    request: Request, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...] = ()
+    request: Request, settings: Settings, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...] = ()
 ) -> Reconstruction:
     """The answer of the core in the shape of the problem."""
     table = request.table
@@ -186,20 +186,22 @@ def from_core(
         converged=raw["converged"],
         termination=cast("Termination", raw["termination"]),
         iterations=raw["iterations"],
+        freedom=raw["freedom"],
         inliers=table.restore(raw["inliers"], False),
         undetermined=tuple(
             Undetermined(cast("Literal['view', 'landmark']", kind), index, reason)
             for kind, index, reason in raw["undetermined"]
         ),
         alternatives=alternatives,
-        components=tuple(from_core(request, other) for other in raw["components"]),
+        components=tuple(from_core(request, settings, other) for other in raw["components"]),
         pose_covariance=raw["pose_covariance"],
         landmark_covariance=raw["landmark_covariance"],
         covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
-        oriented=request.raw["oriented"],
+        oriented=request.oriented,
         odometry=request.odometry,
         pose_priors=request.pose_priors,
         landmark_priors=request.landmark_priors,
         view_ids=table.view_ids,
         landmark_ids=table.landmark_ids,
+        settings=settings,
     )

@@ -14,7 +14,7 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
 
 /// Share of the size of a tie's derivatives below which what the gauge does to it is rounding.
-const UNTOUCHED: f64 = 1e-9;
+const UNCHANGED: f64 = 1e-9;
 
 /// The same for the sum of squares over all ties.
 const ROUNDING: f64 = 1e-13;
@@ -24,7 +24,7 @@ const ROUNDING: f64 = 1e-13;
 ///
 /// They are the combinations of translation, rotation and scaling about the centroid that all ties
 /// leave alone, scaled to entries of about 1.
-pub fn free_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
+pub fn gauge_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
     let views = bundle.poses.len();
     let positions = bundle.poses.iter().map(|pose| pose.translation.vector);
     let places: Vec<Vector2<f64>> = positions
@@ -43,7 +43,7 @@ pub fn free_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
         };
         row.map(f64::as_f64)
     };
-    let combinations = untouched(problem, bundle, &at);
+    let combinations = unconstrained(problem, bundle, &at);
     let mut directions =
         vec![vec![0.0; 3 * views + 2 * bundle.landmarks.len()]; combinations.len()];
     for (direction, combination) in directions.iter_mut().zip(&combinations) {
@@ -66,7 +66,7 @@ pub fn free_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
 }
 
 /// The combinations of the four that change no tie.
-fn untouched(
+fn unconstrained(
     problem: &Problem,
     bundle: &Bundle,
     at: &impl Fn(usize, &Vector2<f64>) -> [f64; 4],
@@ -96,7 +96,7 @@ fn untouched(
             }
             let norm = norm.sqrt();
             let change = Vector4::from(change) / norm;
-            if change.norm() > UNTOUCHED {
+            if change.norm() > UNCHANGED {
                 held += change * change.transpose();
             }
         }
@@ -148,7 +148,7 @@ pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
     let mut framed = if problem.ties().is_empty() {
         map.normalized()
     } else {
-        let held = Held::of(&map.restrict(problem));
+        let held = FixedByPriors::of(&map.restrict(problem));
         match held.frame(&Bundle::from_map(map)) {
             Some(similarity) => map.transformed(&similarity),
             None => map.clone(),
@@ -174,19 +174,19 @@ pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
     let bundle = Bundle::from_map(map);
     let ties = active.ties().iter();
     let numbers = ties.map(|tie| linearize(tie, &bundle.poses, &bundle.landmarks).count());
-    (free_directions(&active, &bundle).len(), numbers.sum())
+    (gauge_directions(&active, &bundle).len(), numbers.sum())
 }
 
 /// What of the whole odometry and priors hold, told by their kind.
 #[derive(Clone, Debug)]
-pub struct Held {
+pub struct FixedByPriors {
     /// The subjects whose position is known, the first two of them.
     points: Vec<Subject>,
     heading: bool,
     scale: bool,
 }
 
-impl Held {
+impl FixedByPriors {
     /// What the ties of a problem hold.
     pub fn of(problem: &Problem) -> Self {
         let mut held = Self {

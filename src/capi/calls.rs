@@ -6,7 +6,7 @@
 use super::generic::{refinement, resection, size, three_views, triangulation};
 use super::memory::Memory;
 use super::status::{BearslamStatus, status, text};
-use crate::fixed::FixedOptions;
+use crate::lm::RefineOptions;
 use core::ffi::{c_char, c_int, c_void};
 
 /// The explanation of a status, in a word or a sentence; never null.
@@ -209,9 +209,10 @@ pub unsafe extern "C" fn bearslam_refine(
         sigma,
         [view_count, landmark_count],
         (poses, landmarks),
-        FixedOptions {
+        RefineOptions {
             max_iterations,
             tolerance,
+            ..RefineOptions::default()
         },
         (cost, iterations),
         (memory, memory_size),
@@ -245,9 +246,10 @@ pub unsafe extern "C" fn bearslam_refine_f32(
         sigma,
         [view_count, landmark_count],
         (poses, landmarks),
-        FixedOptions {
+        RefineOptions {
             max_iterations,
             tolerance,
+            ..RefineOptions::default()
         },
         (cost, iterations),
         (memory, memory_size),

@@ -3,9 +3,9 @@
 
 use super::memory::{Memory, Room, Scratch};
 use super::status::{BearslamStatus, Found};
-use crate::fixed::FixedOptions;
 use crate::geometry::{Bearing, Pose, pose};
 use crate::kernels::{Method, Triple, resect, three_view, triangulate};
+use crate::lm::RefineOptions;
 use crate::scalar::Real;
 use core::ffi::{c_int, c_void};
 use nalgebra::{Point2, UnitComplex};
@@ -164,7 +164,7 @@ pub(super) fn refinement<T: Real>(
     sigma: T,
     [views, points]: [usize; 2],
     (poses, landmarks): (*mut T, *mut T),
-    options: FixedOptions<T>,
+    options: RefineOptions<T>,
     (cost, iterations): (*mut T, *mut usize),
     (scratch, scratch_size): (*mut c_void, usize),
 ) -> Found<()> {
@@ -195,7 +195,7 @@ struct Refinement<'a, T: Real> {
     sigma: T,
     poses: &'a mut [T],
     landmarks: &'a mut [T],
-    options: FixedOptions<T>,
+    options: RefineOptions<T>,
     cost: &'a mut [T],
     iterations: &'a mut [usize],
 }
@@ -229,7 +229,7 @@ impl<T: Real> Refinement<'_, T> {
                 }
             }
         }
-        let report = map.refine(workspace, &self.options)?;
+        let outcome = map.refine(workspace, &self.options)?;
         map.normalize();
 
         let nan = T::zero() / T::zero();
@@ -239,9 +239,9 @@ impl<T: Real> Refinement<'_, T> {
         for (place, point) in landmarks.iter_mut().zip(&map.landmarks) {
             *place = point.map_or([nan; 2], |point| [point.x, point.y]);
         }
-        self.cost.fill(report.cost);
-        self.iterations.fill(report.iterations);
-        if report.termination.was_successful() {
+        self.cost.fill(outcome.cost);
+        self.iterations.fill(outcome.iterations);
+        if outcome.termination.was_successful() {
             Ok(())
         } else {
             Err(BearslamStatus::NotConverged)

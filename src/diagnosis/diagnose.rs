@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The diagnosis: first what the sightings tell, then what a map tells.
 
-use super::beyond::look_beyond;
-use super::maps::explaining_map::seed;
-use super::parts::components::{Core, Part, tied};
-use super::parts::subproblem::Own;
+use super::finding::{Kind, Severity, apart};
+use super::maps::explaining_map::best_triple;
+use super::options::DiagnosisOptions;
+use super::parts::components::{Core, Part, reached};
+use super::parts::counting;
+use super::parts::subproblem::SubProblem;
 use super::report::Diagnosis;
-use crate::diagnosis::parts::counting;
+use super::sentences::Case;
+use crate::adjustment::gauge::gauge_and_prior_numbers;
 use crate::error::Error;
-use crate::problem::{Map, Problem};
-use crate::reconstruction::Progress;
+use crate::problem::{Map, Problem, Subject};
+use crate::reconstruction::{Progress, SolveOptions, solve};
+use alloc::string::ToString;
 use alloc::vec::Vec;
 
 /// What the bearings determine and what they do not, with names for the reasons.
@@ -48,32 +52,27 @@ pub fn diagnose(
     map: Option<&Map>,
     progress: Option<Progress<'_>>,
 ) -> Result<Diagnosis, Error> {
+    diagnose_with(problem, map, &DiagnosisOptions::default(), progress)
+}
+
+/// The diagnosis by other thresholds.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_with(
+    problem: &Problem,
+    map: Option<&Map>,
+    options: &DiagnosisOptions,
+    progress: Option<Progress<'_>>,
+) -> Result<Diagnosis, Error> {
     if let Some(map) = map {
-        for (what, expected, got) in [
-            ("poses", problem.views(), map.poses.len()),
-            ("landmarks", problem.landmarks(), map.landmarks.len()),
-        ] {
-            if expected != got {
-                return Err(Error::LengthMismatch {
-                    what,
-                    expected,
-                    got,
-                });
-            }
-        }
+        map.check_size(problem)?;
     }
-    let core = Core::of(problem);
-    let alone = problem.ties().is_empty();
-    let parts = if alone {
-        core.parts(problem)
-    } else {
-        Vec::new()
-    };
     let mut diagnosis = Diagnosis {
         views: problem.views(),
         landmarks: problem.landmarks(),
         sightings: problem.sightings().len(),
-        components: parts.clone(),
+        components: Vec::new(),
         extra: 0,
         singular_values: Vec::new(),
         condition: f64::NAN,
@@ -83,67 +82,118 @@ pub fn diagnose(
         directions: Vec::new(),
         findings: Vec::new(),
     };
-    if !alone {
-        look_beyond(problem, map, &mut diagnosis, progress)?;
-        return Ok(sorted(diagnosis));
+    if problem.ties().is_empty() {
+        by_bearings(problem, map, options, &mut diagnosis, progress)?;
+    } else {
+        with_priors(problem, map, options, &mut diagnosis, progress)?;
     }
+    diagnosis
+        .findings
+        .sort_by_key(|finding| (finding.severity, finding.kind));
+    Ok(diagnosis)
+}
+
+/// Adds what there is to say of bearings alone: by counting, then part by part.
+fn by_bearings(
+    problem: &Problem,
+    map: Option<&Map>,
+    options: &DiagnosisOptions,
+    diagnosis: &mut Diagnosis,
+    mut progress: Option<Progress<'_>>,
+) -> Result<(), Error> {
+    let core = Core::of(problem);
+    let parts = core.parts(problem);
     let findings = &mut diagnosis.findings;
     findings.extend(counting::unseen(problem, &|_| false));
     findings.extend(counting::outside(problem, &core));
     findings.extend(counting::apart(&parts));
     if parts.is_empty() {
-        let whole = Part {
-            views: (0..problem.views()).collect(),
-            landmarks: (0..problem.landmarks()).collect(),
-            sightings: problem.sightings().len(),
-            ties: (4, 0),
-        };
+        let whole = Part::whole(problem);
         diagnosis.extra = counting::missing(&whole);
         findings.extend(counting::too_little(&whole));
     }
-    let mut progress = progress;
     for part in &parts {
-        let own = Own::new(problem, part);
-        look_at(&own, map, &mut diagnosis, &mut progress)?;
+        let subproblem = SubProblem::new(problem, part, options);
+        look_at(&subproblem, map, diagnosis, &mut progress)?;
     }
-    Ok(sorted(diagnosis))
-}
-
-/// The worst first.
-fn sorted(mut diagnosis: Diagnosis) -> Diagnosis {
-    diagnosis
-        .findings
-        .sort_by_key(|finding| (finding.severity, finding.kind));
-    diagnosis
+    diagnosis.components = parts;
+    Ok(())
 }
 
 /// Adds what there is to say about a part.
 fn look_at(
-    own: &Own,
+    subproblem: &SubProblem,
     map: Option<&Map>,
     diagnosis: &mut Diagnosis,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<(), Error> {
-    let too_little = counting::too_little(&own.part);
+    let too_little = counting::too_little(&subproblem.part);
     let hopeless = too_little.is_some();
     diagnosis.findings.extend(too_little);
     if let Some(map) = map {
-        let judged = own.given(own.map(map), hopeless);
-        own.judge(&judged, hopeless, diagnosis);
+        let chosen = subproblem.choose_given(subproblem.map(map), hopeless);
+        subproblem.judge(&chosen, hopeless, diagnosis);
         return Ok(());
     }
     if hopeless {
-        diagnosis.extra += counting::missing(&own.part);
+        diagnosis.extra += counting::missing(&subproblem.part);
         return Ok(());
     }
-    let tied = seed(&own.problem).map(|seed| tied(&own.problem, seed));
-    let untied = counting::untied(&own.part, tied.as_ref());
-    diagnosis.findings.extend(untied);
-    match own.found(progress)? {
-        Some(judged) => own.judge(&judged, false, diagnosis),
+    let reached = best_triple(&subproblem.problem, &subproblem.options.maps)
+        .map(|triple| reached(&subproblem.problem, triple));
+    let out_of_reach = counting::out_of_reach(&subproblem.part, reached.as_ref());
+    diagnosis.findings.extend(out_of_reach);
+    match subproblem.choose(progress)? {
+        Some(chosen) => subproblem.judge(&chosen, false, diagnosis),
         None => diagnosis
             .findings
-            .push(own.not_examined("no map could be made from the bearings")),
+            .push(subproblem.not_examined("no map could be made from the bearings")),
     }
+    Ok(())
+}
+
+/// Adds what there is to say of a problem with odometry or priors, by the sparse equations.
+fn with_priors(
+    problem: &Problem,
+    map: Option<&Map>,
+    options: &DiagnosisOptions,
+    diagnosis: &mut Diagnosis,
+    progress: Option<Progress<'_>>,
+) -> Result<(), Error> {
+    let whole = SubProblem::whole(problem, options);
+    let found;
+    let map = match map {
+        Some(map) => map,
+        None => match solve(problem, &SolveOptions::default(), progress) {
+            Ok(solved) => {
+                found = solved.map;
+                &found
+            }
+            Err(error @ Error::Interrupted) => return Err(error),
+            Err(error) => {
+                let (kind, severity) = (Kind::Unreached, Severity::Error);
+                let why = ("why", error.to_string());
+                let all = whole.about_all(Case::NoMap, kind, severity, &[why]);
+                diagnosis.findings.push(all);
+                return Ok(());
+            }
+        },
+    };
+    // Odometry and priors place what nothing sees.
+    let placed = |subject: Subject| match subject {
+        Subject::View(view) => map.poses[view].is_some(),
+        Subject::Landmark(landmark) => map.landmarks[landmark].is_some(),
+    };
+    let unseen = counting::unseen(problem, &placed);
+    diagnosis.findings.extend(unseen);
+    whole.report_absent(map, &[], Case::WithPriors, diagnosis);
+    let (views, landmarks) = apart(map.determined());
+    diagnosis.components = Vec::from([Part {
+        views,
+        landmarks,
+        sightings: map.residuals(problem).flatten().count(),
+        ties: gauge_and_prior_numbers(problem, map),
+    }]);
+    whole.report_sparse(map, None, false, diagnosis);
     Ok(())
 }

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What can be wrong with a problem, by name.
+//! What can be wrong with a problem. `sentences` has the name and the words of each kind.
 
 use crate::problem::Subject;
 use alloc::string::String;
 use alloc::vec::Vec;
-use core::fmt;
 
 /// How bad a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// Something is not determined.
     Error,
-    /// Something is determined badly, or hangs on the noise.
+    /// Something is determined badly, or only as long as the noise is small.
     Warning,
     /// Worth knowing.
     Note,
@@ -42,7 +41,7 @@ pub enum Kind {
     TooFewLandmarks,
     /// Fewer sightings than unknowns.
     Counting,
-    /// Views or landmarks that too few sightings tie to the rest.
+    /// Views or landmarks that the map cannot be extended to.
     Unreached,
     /// All bearings of a view are alike modulo pi: everything is on one line.
     EverythingOnOneLine,
@@ -64,7 +63,7 @@ pub enum Kind {
     LandmarksOnACubic,
     /// A view on one circle with all landmarks that it sees.
     ViewOnCircleOfLandmarks,
-    /// A landmark on one line with all views that see it.
+    /// A landmark on one line with all views that see it: direction known, range not.
     LandmarkOnLineOfViews,
     /// Landmarks so far away that only their directions are known.
     LandmarksAtInfinity,
@@ -72,7 +71,7 @@ pub enum Kind {
     LoosePart,
     /// A free direction that none of the other names explains.
     UnnamedDirection,
-    /// A direction that the bearings hold, but weakly.
+    /// A direction that the bearings fix, but so weakly that noise moves the map far along it.
     WeaklyDetermined,
     /// Another map, such as the mirror image of three views, explains the bearings nearly as well.
     SecondSolution,
@@ -82,67 +81,7 @@ pub enum Kind {
     NotExamined,
 }
 
-impl Kind {
-    /// All of them.
-    pub const ALL: [Self; 24] = [
-        Self::TooFewSightings,
-        Self::Disconnected,
-        Self::TwoViews,
-        Self::TooFewLandmarks,
-        Self::Counting,
-        Self::Unreached,
-        Self::EverythingOnOneLine,
-        Self::LinesOfViewsAndOfLandmarks,
-        Self::ViewsAndLandmarksOnOneCircle,
-        Self::ThreeViewsAndLandmarksOnOneCircle,
-        Self::CoincidentViews,
-        Self::CollinearLandmarks,
-        Self::FourLandmarksOnACircle,
-        Self::ThreeCollinearViews,
-        Self::LandmarksOnACubic,
-        Self::ViewOnCircleOfLandmarks,
-        Self::LandmarkOnLineOfViews,
-        Self::LandmarksAtInfinity,
-        Self::LoosePart,
-        Self::UnnamedDirection,
-        Self::WeaklyDetermined,
-        Self::SecondSolution,
-        Self::PoorFit,
-        Self::NotExamined,
-    ];
-
-    /// The name of the variant in lower case with underscores.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::TooFewSightings => "too_few_sightings",
-            Self::Disconnected => "disconnected",
-            Self::TwoViews => "two_views",
-            Self::TooFewLandmarks => "too_few_landmarks",
-            Self::Counting => "counting",
-            Self::Unreached => "unreached",
-            Self::EverythingOnOneLine => "everything_on_one_line",
-            Self::LinesOfViewsAndOfLandmarks => "lines_of_views_and_of_landmarks",
-            Self::ViewsAndLandmarksOnOneCircle => "views_and_landmarks_on_one_circle",
-            Self::ThreeViewsAndLandmarksOnOneCircle => "three_views_and_landmarks_on_one_circle",
-            Self::CoincidentViews => "coincident_views",
-            Self::CollinearLandmarks => "collinear_landmarks",
-            Self::FourLandmarksOnACircle => "four_landmarks_on_a_circle",
-            Self::ThreeCollinearViews => "three_collinear_views",
-            Self::LandmarksOnACubic => "landmarks_on_a_cubic",
-            Self::ViewOnCircleOfLandmarks => "view_on_circle_of_landmarks",
-            Self::LandmarkOnLineOfViews => "landmark_on_line_of_views",
-            Self::LandmarksAtInfinity => "landmarks_at_infinity",
-            Self::LoosePart => "loose_part",
-            Self::UnnamedDirection => "unnamed_direction",
-            Self::WeaklyDetermined => "weakly_determined",
-            Self::SecondSolution => "second_solution",
-            Self::PoorFit => "poor_fit",
-            Self::NotExamined => "not_examined",
-        }
-    }
-}
-
-/// One thing that is wrong, whom it concerns, and what to do about it.
+/// One thing that is wrong, what it concerns, and what to do about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// What kind of thing.
@@ -159,23 +98,6 @@ pub struct Finding {
     pub message: String,
     /// What to add.
     pub advice: String,
-}
-
-impl fmt::Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            kind,
-            severity,
-            message,
-            advice,
-            ..
-        } = self;
-        write!(f, "{} ({}): {message}", severity.name(), kind.name())?;
-        if !advice.is_empty() {
-            write!(f, " {advice}")?;
-        }
-        Ok(())
-    }
 }
 
 /// Views and landmarks apart, each in order and once.

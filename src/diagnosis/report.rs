@@ -1,27 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a diagnosis returns, and how it reads.
 
-use super::finding::{Finding, Kind, Severity};
+use super::finding::{Finding, Kind, Severity, apart};
 use super::parts::components::Part;
-use super::words::{both, count};
-use crate::problem::Subject;
+use super::sentences::{both, count};
+use crate::uncertainty::WeakDirection;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A direction of the map that the bearings hold weakly or not at all.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NullDirection {
-    /// Whether it is free, up to rounding; else it is held weakly.
-    pub free: bool,
-    /// Singular value of the Jacobian over its median column: 0 where free.
-    pub singular_value: f64,
-    /// Predicted standard deviation of the map along it, as a share of its size; infinite where free.
-    pub deviation: f64,
-    /// Who moves, and its share of the squared moves; largest first.
-    pub movers: Vec<(Subject, f64)>,
-    /// The finding that explains it.
-    pub cause: Option<Kind>,
-}
+/// A direction of the map that the bearings hold weakly or not at all; its cause is the kind of the finding that
+/// explains it.
+pub type NullDirection = WeakDirection<Kind>;
 
 /// What bearings determine and what they do not.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,16 +21,16 @@ pub struct Diagnosis {
     pub landmarks: usize,
     /// Number of sightings.
     pub sightings: usize,
-    /// Parts that sightings connect, without those who have too few; most sightings first.
+    /// Parts that sightings connect, without views and landmarks of too few; most sightings first.
     pub components: Vec<Part>,
     /// Directions that are free beyond the gauge of each part.
     pub extra: usize,
     /// The smallest singular values of the Jacobian of the first part that was examined, over its median
-    /// column, without the gauge: ascending, up to eight. Empty when no map was had.
+    /// column, without the gauge: ascending, up to eight. Empty when there was no map.
     pub singular_values: Vec<f64>,
-    /// Largest singular value over the smallest that is not zero; NaN when no map was had.
+    /// Largest singular value over the smallest that is not zero; NaN when there was no map.
     pub condition: f64,
-    /// Standard deviation of a bearing that was reckoned with \[rad\]: that of the problem, or the residuals'.
+    /// Standard deviation of a bearing \[rad\] that was assumed: that of the problem, or that of the residuals.
     pub noise: f64,
     /// Whether there are three views, and they are on one line or so near it that noise hides the
     /// difference.
@@ -49,7 +38,7 @@ pub struct Diagnosis {
     /// How many times larger the residuals of the next best map are, such as the mirror image of three views;
     /// infinite when none was found, NaN when none was looked for.
     pub mirror_margin: f64,
-    /// Directions that are free or weak, by part; those held least first.
+    /// Directions that are free or weak, part by part, the weakest first.
     pub directions: Vec<NullDirection>,
     /// What is wrong, the worst first.
     pub findings: Vec<Finding>,
@@ -73,7 +62,7 @@ impl Diagnosis {
     }
 }
 
-/// Most free and weak directions that are spelt out.
+/// Most free and weak directions that are spelt out, about a screen of text with the findings. `directions` has all.
 const MAX_LISTED: usize = 4;
 
 impl fmt::Display for Diagnosis {
@@ -95,8 +84,7 @@ impl fmt::Display for Diagnosis {
             write!(f, "\n{finding}")?;
         }
         for direction in self.directions.iter().take(MAX_LISTED) {
-            let (views, landmarks) =
-                super::finding::apart(direction.movers.iter().map(|&(subject, _)| subject));
+            let (views, landmarks) = apart(direction.movers.iter().map(|&(subject, _)| subject));
             let moved = both(&views, &landmarks);
             if direction.free {
                 write!(f, "\nfree direction: moves {moved}")?;

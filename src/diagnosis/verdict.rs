@@ -1,131 +1,125 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From what a map tells to findings.
+//! From what a map tells to findings: what it has no value for, what is free, what is weak.
+//!
+//! Maps of some hundred unknowns without odometry and priors are examined by all their singular values, and what is
+//! free gets the name of a shape. All others are examined by the weakest directions of the sparse normal equations.
 
-use super::beyond::weakest;
-use super::describe::{configuration, finding};
 use super::finding::{Finding, Kind, Severity, apart};
-use super::maps::choose::{Evidence, Judged};
-use super::parts::subproblem::Own;
+use super::maps::choose::{Chosen, Evidence};
+use super::parts::counting::{concerning, missing};
+use super::parts::subproblem::SubProblem;
 use super::report::{Diagnosis, NullDirection};
-use super::shapes::examine::{Direction, Examination, examine};
-use super::shapes::normalized_map::Figure;
-use super::words::both;
-use crate::diagnosis::parts::counting;
+use super::sentences::{Case, finding, finding_in};
+use super::shapes::examine::{Examination, examine};
+use super::shapes::normalized_map::NormalizedMap;
 use crate::problem::{Map, Subject, Undetermined, Why};
+use crate::uncertainty::weakest_directions;
 use alloc::format;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
-/// Residuals \[rad\] above which a map explains nothing.
-const PLAUSIBLE_RMS: f64 = 0.1;
-
-/// Residuals of a second map that are less than this many times those of the best leave a doubt.
-const CLEAR_MARGIN: f64 = 3.0;
-
-/// Singular values that are reported.
-const REPORTED: usize = 8;
-
-impl Own {
+impl SubProblem {
     /// Adds what the evidence tells to a diagnosis. `hopeless` when counting has told the worst already.
-    pub fn judge(&self, judged: &Judged, hopeless: bool, diagnosis: &mut Diagnosis) {
-        let noise = judged.noise;
+    pub fn judge(&self, chosen: &Chosen, hopeless: bool, diagnosis: &mut Diagnosis) {
+        let noise = chosen.noise;
         diagnosis.noise = f64::max(diagnosis.noise, noise);
-        let findings = &mut diagnosis.findings;
-        match &judged.evidence {
-            Evidence::Figure(figure) => match examine(figure, noise) {
-                Some(found) => self.report(figure, &found, noise, hopeless, diagnosis),
-                None => findings.push(self.not_examined(TOO_LARGE)),
-            },
-            Evidence::Map { map, lost, margin } => {
-                self.absent(map, lost, findings);
-                findings.extend(self.poor_fit(map));
-                let figure = Figure::of_map(&self.problem, map);
-                let examined = figure.as_ref().map(|figure| examine(figure, noise));
-                match (&figure, &examined) {
-                    (Some(figure), Some(Some(found))) => {
-                        let doubtful = *margin < CLEAR_MARGIN && found.causes.is_empty();
-                        if doubtful {
-                            findings.push(self.second(*margin));
-                        }
-                        self.report(figure, found, noise, hopeless, diagnosis);
+        let (map, lost, margin) = match &chosen.evidence {
+            Evidence::Bearings(normalized) => {
+                match examine(normalized, noise, &self.options.shapes) {
+                    Some(found) => {
+                        self.report_dense(normalized, &found, noise, hopeless, diagnosis)
                     }
-                    (Some(_), _) => {
-                        let sigmas = noise * self.mean_weight();
-                        let outer = |subject| self.outer(subject);
-                        weakest(&self.problem, map, sigmas, &outer, diagnosis);
-                    }
-                    (None, _) => findings.push(self.not_examined("the map has no size")),
+                    None => diagnosis.findings.push(self.not_examined(TOO_LARGE)),
                 }
-                diagnosis.mirror_margin = f64::min(diagnosis.mirror_margin, *margin);
+                return;
             }
+            Evidence::Map { map, lost, margin } => (map, lost, *margin),
+        };
+        self.report_absent(map, lost, Case::Usual, diagnosis);
+        diagnosis.findings.extend(self.poor_fit(map));
+        match NormalizedMap::of_map(&self.problem, map) {
+            None => diagnosis
+                .findings
+                .push(self.not_examined("the map has no size")),
+            Some(normalized) => match examine(&normalized, noise, &self.options.shapes) {
+                Some(found) => {
+                    if margin < self.options.verdict.clear_margin && found.causes.is_empty() {
+                        diagnosis.findings.push(self.second_solution(margin));
+                    }
+                    self.report_dense(&normalized, &found, noise, hopeless, diagnosis);
+                }
+                None => self.report_sparse(map, Some(noise), hopeless, diagnosis),
+            },
         }
+        diagnosis.mirror_margin = f64::min(diagnosis.mirror_margin, margin);
     }
 
-    /// What the map has no value for.
-    fn absent(&self, map: &Map, lost: &[Undetermined], findings: &mut Vec<Finding>) {
-        let views = map.poses.iter().enumerate();
-        let views = views
-            .filter(|(_, pose)| pose.is_none())
-            .map(|(k, _)| Subject::View(k));
-        let landmarks = map.landmarks.iter().enumerate();
-        let landmarks = landmarks
-            .filter(|(_, point)| point.is_none())
-            .map(|(k, _)| Subject::Landmark(k));
+    /// Adds what the map has no value for, though there are sightings of it.
+    pub fn report_absent(
+        &self,
+        map: &Map,
+        lost: &[Undetermined],
+        case: Case,
+        diagnosis: &mut Diagnosis,
+    ) {
+        let views = (0..map.poses.len())
+            .filter(|&k| map.poses[k].is_none() && !self.problem.of_view(k).is_empty());
+        let landmarks = (0..map.landmarks.len())
+            .filter(|&k| map.landmarks[k].is_none() && !self.problem.of_landmark(k).is_empty());
+        let absent = views
+            .map(Subject::View)
+            .chain(landmarks.map(Subject::Landmark));
         let far = |subject: &Subject| {
             let mut lost = lost.iter();
             lost.any(|u| u.subject == *subject && u.why == Why::AtInfinity)
         };
-        let (infinite, absent): (Vec<Subject>, Vec<Subject>) =
-            views.chain(landmarks).partition(|subject| far(subject));
-        let outer = |list: Vec<Subject>| apart(list.into_iter().map(|subject| self.outer(subject)));
-        let ((no_views, infinite), (views, landmarks)) = (outer(infinite), outer(absent));
-        if !infinite.is_empty() {
-            let kind = Kind::LandmarksAtInfinity;
-            findings.push(configuration(kind, Severity::Error, no_views, infinite, 0));
-        }
-        if views.len() + landmarks.len() > 0 {
-            findings.push(finding(
-                Kind::Unreached,
-                Severity::Error,
-                views.clone(),
-                landmarks.clone(),
-                0,
-                &format!("{} are not in the map", both(&views, &landmarks)),
-                "A view needs three landmarks of the map that are not on one circle with it, a landmark two \
-                 views of the map that are not in line with it.",
-            ));
+        let (infinite, unreached): (Vec<Subject>, Vec<Subject>) = absent.partition(far);
+        for (kind, subjects) in [
+            (Kind::LandmarksAtInfinity, infinite),
+            (Kind::Unreached, unreached),
+        ] {
+            let subjects = self.outer_all(subjects);
+            let found = concerning(case, kind, Severity::Error, subjects);
+            diagnosis.findings.extend(found);
         }
     }
 
     fn poor_fit(&self, map: &Map) -> Option<Finding> {
-        let (rms, _) = self.spread(map);
-        (rms > PLAUSIBLE_RMS).then(|| {
-            self.about_all(
-                Kind::PoorFit,
-                Severity::Warning,
-                &format!(
-                    "the map leaves residuals of {:.1} degrees, so its shape is no evidence",
-                    rms.to_degrees()
-                ),
-                "Look for wrong correspondences, or give a better map.",
-            )
-        })
+        let (rms, _) = self.rms_and_noise(map);
+        let told = format!("{:.1}", rms.to_degrees());
+        let (kind, severity) = (Kind::PoorFit, Severity::Warning);
+        (rms > self.options.verdict.max_rms)
+            .then(|| self.about_all(Case::Usual, kind, severity, &[("rms", told)]))
     }
 
-    fn second(&self, margin: f64) -> Finding {
-        self.about_all(
-            Kind::SecondSolution,
-            Severity::Warning,
-            &format!(
-                "another map explains the bearings nearly as well, with residuals {margin:.1} times as large"
-            ),
-            "Add a view of five of the landmarks: it tells the two apart.",
-        )
+    fn second_solution(&self, margin: f64) -> Finding {
+        let (kind, severity) = (Kind::SecondSolution, Severity::Warning);
+        let told = format!("{margin:.1}");
+        self.about_all(Case::Usual, kind, severity, &[("margin", told)])
     }
 
-    /// Adds an examination to a diagnosis.
-    fn report(
+    /// That the part has only been counted.
+    pub fn not_examined(&self, why: &str) -> Finding {
+        let (kind, severity) = (Kind::NotExamined, Severity::Note);
+        self.about_all(Case::Usual, kind, severity, &[("why", why.to_string())])
+    }
+
+    /// A finding about the whole part.
+    pub fn about_all(
         &self,
-        figure: &Figure,
+        case: Case,
+        kind: Kind,
+        severity: Severity,
+        given: &[(&str, String)],
+    ) -> Finding {
+        let all = (self.part.views.clone(), self.part.landmarks.clone());
+        finding_in(case, kind, severity, all, 0, given)
+    }
+
+    /// Adds an examination by all singular values.
+    fn report_dense(
+        &self,
+        normalized: &NormalizedMap,
         found: &Examination,
         noise: f64,
         hopeless: bool,
@@ -134,45 +128,38 @@ impl Own {
         let spectrum = &found.spectrum;
         if diagnosis.singular_values.is_empty() {
             let values = spectrum.values.iter().map(|value| value / spectrum.scale);
-            diagnosis.singular_values = values.take(REPORTED).collect();
+            diagnosis.singular_values = values.take(self.options.verdict.singular_values).collect();
             let held = spectrum.values.get(spectrum.free());
             if let (Some(held), Some(largest)) = (held, spectrum.values.last()) {
                 diagnosis.condition = largest / held;
             }
         }
-        diagnosis.extra += spectrum.free();
         diagnosis.near_collinear |= found
             .causes
             .iter()
             .any(|cause| cause.kind == Kind::ThreeCollinearViews);
-        let findings = &mut diagnosis.findings;
-        findings.extend(self.named(figure, found));
-        findings.extend(self.unnamed(figure, found, hopeless));
-        if !hopeless {
-            findings.extend(self.weak(figure, found, noise));
-        }
-        for direction in &found.directions {
-            let movers = direction.movers.iter();
-            diagnosis.directions.push(NullDirection {
-                free: direction.free,
-                singular_value: spectrum.values[direction.index] / spectrum.scale,
-                deviation: direction.deviation,
-                movers: movers
-                    .map(|&(point, share)| (self.outer(figure.subject(point)), share))
-                    .collect(),
-                cause: direction.cause.map(|k| found.causes[k].kind),
-            });
-        }
+        diagnosis.findings.extend(self.named(normalized, found));
+        let named = found.directions.iter().cloned().map(|direction| {
+            let cause = direction.cause.map(|cause| found.causes[cause].kind);
+            direction.with_cause(cause)
+        });
+        let unnamed = if found.structural > self.counted(hopeless) {
+            Kind::LoosePart
+        } else if normalized.views.len() == 3 {
+            Kind::LandmarksOnACubic
+        } else {
+            Kind::UnnamedDirection
+        };
+        self.report_directions(named.collect(), unnamed, Some(noise), hopeless, diagnosis);
     }
 
     /// The shapes that leave directions free.
-    fn named(&self, figure: &Figure, found: &Examination) -> Vec<Finding> {
+    fn named(&self, normalized: &NormalizedMap, found: &Examination) -> Vec<Finding> {
         let causes = found.causes.iter().enumerate();
         let findings = causes.map(|(k, cause)| {
             let explained = found.directions.iter().filter(|d| d.cause == Some(k));
             let deviation = explained.map(|d| d.deviation).fold(0.0, f64::max);
-            // Two solutions that merge are still solutions, and one point off leaves the others; a family
-            // of maps is none.
+            // Where two solutions merge, or one point is free, the rest is determined; not so in a family of maps.
             let bounded = matches!(
                 cause.kind,
                 Kind::ThreeCollinearViews
@@ -184,77 +171,106 @@ impl Own {
             } else {
                 Severity::Error
             };
-            let points = cause.points.iter();
-            let (views, landmarks) = apart(points.map(|&p| self.outer(figure.subject(p))));
-            configuration(cause.kind, severity, views, landmarks, cause.directions)
+            let subjects = self.outer_all(cause.points.iter().map(|&p| normalized.subject(p)));
+            finding(cause.kind, severity, subjects, cause.directions)
         });
         findings.collect()
     }
 
-    /// Free directions that no shape explains.
-    fn unnamed(&self, figure: &Figure, found: &Examination, hopeless: bool) -> Option<Finding> {
-        // So many are those of the counting.
-        let counted = if hopeless {
-            counting::missing(&self.part)
-        } else {
-            0
+    /// Adds an examination by the sparse equations; `noise` \[rad\] of bearings, `None` when odometry and priors
+    /// have their own.
+    pub fn report_sparse(
+        &self,
+        map: &Map,
+        noise: Option<f64>,
+        hopeless: bool,
+        diagnosis: &mut Diagnosis,
+    ) {
+        let sigmas = noise.map_or(1.0, |noise| noise * self.mean_weight());
+        let Some(found) =
+            weakest_directions(&self.problem, map, self.options.verdict.directions, sigmas)
+        else {
+            let why = "the normal equations cannot be factorised".to_string();
+            let subjects = self.outer_all(map.determined());
+            let (kind, severity) = (Kind::NotExamined, Severity::Note);
+            let told = finding_in(Case::Usual, kind, severity, subjects, 0, &[("why", why)]);
+            diagnosis.findings.push(told);
+            return;
         };
-        let open = found.directions.iter();
-        let open = open.filter(|d| d.free && d.cause.is_none());
-        let rest: Vec<_> = open.skip(counted).collect();
-        let mut concerned = self.movers(figure, &rest);
-        let kind = if found.structural > counted {
-            Kind::LoosePart
-        } else if figure.views.len() == 3 {
-            concerned = (self.part.views.clone(), self.part.landmarks.clone());
-            Kind::LandmarksOnACubic
-        } else {
-            Kind::UnnamedDirection
-        };
-        let (views, landmarks) = concerned;
-        (!rest.is_empty())
-            .then(|| configuration(kind, Severity::Error, views, landmarks, rest.len()))
+        if diagnosis.singular_values.is_empty() {
+            diagnosis.singular_values = found.iter().map(|d| d.singular_value).collect();
+            let held = found.iter().find(|d| !d.free);
+            diagnosis.condition = held.map_or(f64::NAN, |d| 1.0 / d.singular_value);
+        }
+        let open = found
+            .into_iter()
+            .filter(|d| d.free || self.options.shapes.is_weak(d.deviation, d.largest));
+        let unnamed = Kind::UnnamedDirection;
+        self.report_directions(open.collect(), unnamed, noise, hopeless, diagnosis);
     }
 
-    /// Weak directions that no shape explains.
-    fn weak(&self, figure: &Figure, found: &Examination, noise: f64) -> Option<Finding> {
-        let weak = found.directions.iter();
-        let weak: Vec<_> = weak.filter(|d| !d.free && d.cause.is_none()).collect();
-        let (views, landmarks) = self.movers(figure, &weak);
-        let worst = weak.iter().map(|d| d.largest).fold(0.0, f64::max);
-        (!weak.is_empty()).then(|| {
-            finding(
+    /// How many free directions counting has told of.
+    fn counted(&self, hopeless: bool) -> usize {
+        if hopeless { missing(&self.part) } else { 0 }
+    }
+
+    /// Adds free and weak directions, and findings of those that no shape explains: free ones under the name
+    /// `unnamed`, weak ones for a `noise` \[rad\] of bearings.
+    fn report_directions(
+        &self,
+        mut directions: Vec<NullDirection>,
+        unnamed: Kind,
+        noise: Option<f64>,
+        hopeless: bool,
+        diagnosis: &mut Diagnosis,
+    ) {
+        for direction in &mut directions {
+            for (subject, _) in &mut direction.movers {
+                *subject = self.outer(*subject);
+            }
+        }
+        diagnosis.extra += directions.iter().filter(|d| d.free).count();
+        let movers = |directions: &[&NullDirection]| {
+            let movers = directions.iter().flat_map(|d| d.movers.iter());
+            apart(movers.map(|&(subject, _)| subject))
+        };
+        let open = directions.iter_mut();
+        let open = open.filter(|d| d.free && d.cause.is_none());
+        for direction in open.skip(self.counted(hopeless)) {
+            direction.cause = Some(unnamed);
+        }
+        let free = directions.iter().filter(|d| d.cause == Some(unnamed));
+        let free: Vec<_> = free.collect();
+        let weak = directions.iter().filter(|d| !d.free && d.cause.is_none());
+        let weak: Vec<_> = weak.collect();
+        if !free.is_empty() {
+            let subjects = if unnamed == Kind::LandmarksOnACubic {
+                (self.part.views.clone(), self.part.landmarks.clone())
+            } else {
+                movers(&free)
+            };
+            let found = finding(unnamed, Severity::Error, subjects, free.len());
+            diagnosis.findings.push(found);
+        }
+        if !weak.is_empty() && !hopeless {
+            let worst = weak.iter().map(|d| d.largest).fold(0.0, f64::max);
+            let mut given = Vec::from([("share", format!("{:.0}", 100.0 * worst))]);
+            given.extend(noise.map(|noise| ("noise", format!("{:.3}", noise.to_degrees()))));
+            let case = if noise.is_some() {
+                Case::Usual
+            } else {
+                Case::WithPriors
+            };
+            diagnosis.findings.push(finding_in(
+                case,
                 Kind::WeaklyDetermined,
                 Severity::Warning,
-                views.clone(),
-                landmarks.clone(),
+                movers(&weak),
                 weak.len(),
-                &format!(
-                    "noise of {:.3} degrees leaves {} uncertain by up to {:.0} % of the size of the map",
-                    noise.to_degrees(),
-                    both(&views, &landmarks),
-                    100.0 * worst,
-                ),
-                "Add sightings of them, from other places or of other landmarks.",
-            )
-        })
-    }
-
-    /// Who moves in some directions.
-    fn movers(&self, figure: &Figure, directions: &[&Direction]) -> (Vec<usize>, Vec<usize>) {
-        let points = directions.iter().flat_map(|d| d.movers.iter());
-        apart(points.map(|&(point, _)| self.outer(figure.subject(point))))
-    }
-
-    pub fn not_examined(&self, why: &str) -> Finding {
-        let message = format!("only the sightings have been counted: {why}");
-        self.about_all(Kind::NotExamined, Severity::Note, &message, "")
-    }
-
-    /// A finding about the whole part.
-    fn about_all(&self, kind: Kind, severity: Severity, message: &str, advice: &str) -> Finding {
-        let (views, landmarks) = (self.part.views.clone(), self.part.landmarks.clone());
-        finding(kind, severity, views, landmarks, 0, message, advice)
+                &given,
+            ));
+        }
+        diagnosis.directions.append(&mut directions);
     }
 }
 

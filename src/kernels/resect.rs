@@ -7,6 +7,9 @@ use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
 
+/// Fewest landmarks that fix a view.
+pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
+
 /// A pose and how its sightings agree with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resection<T: Real> {
@@ -76,7 +79,7 @@ where
     if count < 3 {
         return Err(Error::TooFew {
             what: "landmarks of a view",
-            needed: 3,
+            needed: MIN_LANDMARKS_OF_VIEW,
             got: count,
         });
     }

@@ -7,6 +7,9 @@ use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2};
 
+/// Fewest views that fix a landmark.
+pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
+
 /// A landmark and how its sightings agree with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangulation<T: Real> {
@@ -68,7 +71,7 @@ where
     if count < 2 {
         return Err(Error::TooFew {
             what: "rays of a landmark",
-            needed: 2,
+            needed: MIN_VIEWS_OF_LANDMARK,
             got: count,
         });
     }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Monte-Carlo sweeps.
 
-use super::convert;
 use super::simulate::layout;
+use super::{convert, errors};
 use crate::{Cell, Chunk, Start, Tally};
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -51,7 +51,7 @@ pub fn sweep(
     });
     match raised {
         Some(raised) => Err(raised),
-        None => result.map_err(|error| convert::error(py, error)),
+        None => result.map_err(|error| errors::error(py, error)),
     }
 }
 
@@ -90,7 +90,7 @@ fn start(py: Python<'_>, name: &str) -> PyResult<Start> {
         .find(|start| start.name() == name)
         .ok_or_else(|| {
             let known = Start::ALL.map(Start::name).join("\", \"");
-            convert::invalid(
+            errors::invalid(
                 py,
                 &format!("starts: expected any of \"{known}\", got {name:?}"),
             )

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Refinements that may fail: a start that leads nowhere is no reason to give up the others.
 
-use crate::adjustment::{RefineOptions, Report, Watch, refine_map};
+use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
+use crate::lm::{Observer, RefineOptions};
 use crate::problem::{Map, Problem};
 
 /// Refines a map in place; `None` when it cannot be refined.
@@ -16,7 +17,7 @@ pub fn attempt(
     problem: &Problem,
     map: &mut Map,
     options: &RefineOptions,
-    observer: Option<Watch<'_>>,
+    observer: Option<Observer<'_>>,
 ) -> Result<Option<Report>, Error> {
     Ok(recoverable(refine_map(problem, map, options, observer))?.ok())
 }

@@ -8,9 +8,9 @@ use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
 use super::strategy;
-use crate::adjustment::{RefineOptions, Report, cost, refine_map};
+use crate::adjustment::{Report, cost, refine_map};
 use crate::error::Error;
-use crate::lm::Termination;
+use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem, Subject, Why};
 
 /// A linear map without refinement: a start for a solver of one's own.

@@ -2,13 +2,12 @@
 //! Covariances of poses and landmarks, in a stated gauge.
 
 use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
-use super::weak_directions::free_of;
-use crate::adjustment::Watch;
+use super::weak_directions::free_directions;
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::{Held, free_directions};
+use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal::Normal;
 use crate::error::{Degeneracy, Error};
-use crate::lm::Loss;
+use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Matrix2, Matrix3};
@@ -30,7 +29,7 @@ pub struct Covariance {
     pub free: usize,
 }
 
-/// Columns of the inverse that are solved for at a time.
+/// Columns of the inverse that are solved for at a time: a few are faster than one, and memory stays small.
 const BATCH: usize = 64;
 
 /// Directions beyond the gauge that are looked for; a map with more is all but undetermined.
@@ -42,13 +41,13 @@ const STANDS: f64 = 1e-6;
 /// Covariances of poses and landmarks of a refined map, (T27).
 ///
 /// The sparse normal equations are factorised with anchors that hold the gauge, and their inverse, column by
-/// column, is brought into the frame by an S-transformation. A rank-deficient problem is none to fail at:
-/// what a free direction moves has infinite variance, the rest its own.
+/// column, is brought into the frame by an S-transformation. A rank-deficient problem is no failure: what a free
+/// direction moves has infinite variance, the rest its own.
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
 /// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
-/// not hold the equations; [`Error::Interrupted`] when `watch`, called with the columns
+/// not hold the equations; [`Error::Interrupted`] when `observer`, called with the columns
 /// done and their number, says so.
 ///
 /// # Example
@@ -74,7 +73,7 @@ pub fn covariance(
     map: &Map,
     loss: Loss,
     frame: Frame,
-    mut watch: Option<Watch<'_>>,
+    mut observer: Option<Observer<'_>>,
 ) -> Result<Covariance, Error> {
     map.check_size(problem)?;
     let active = map.restrict(problem);
@@ -89,7 +88,7 @@ pub fn covariance(
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, loss, &mut rows);
     let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
-    let gauge = free_directions(&active, &bundle);
+    let gauge = gauge_directions(&active, &bundle);
     if frame == Frame::Priors && !gauge.is_empty() {
         return Err(Error::Degenerate {
             kind: Degeneracy::FreeFrame,
@@ -102,7 +101,7 @@ pub fn covariance(
         value: 0.0,
         bound: f64::EPSILON,
     };
-    let free = free_of(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
+    let free = free_directions(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return Err(singular);
@@ -122,8 +121,8 @@ pub fn covariance(
     let mut found = Vec::with_capacity(blocks.len());
     let mut columns = Vec::new();
     for batch in blocks.chunks(BATCH / 2) {
-        if let Some(watch) = &mut watch
-            && !watch(found.len(), blocks.len() as f64)
+        if let Some(observer) = &mut observer
+            && !observer(found.len(), blocks.len() as f64)
         {
             return Err(Error::Interrupted);
         }
@@ -185,10 +184,10 @@ impl Transformation {
         let size = normal.size();
         let views = problem.views();
         let mut constraints = match frame {
-            Frame::FirstView => Held::of(problem).constraints(bundle),
+            Frame::FirstView => FixedByPriors::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
-        // Priors that fix part of a position leave no frame of a view.
+        // Where priors fix only part of a position, the frame of a view does not exist.
         if constraints.len() != gauge.len() {
             constraints = inner_constraints(gauge, views);
         }
@@ -225,7 +224,7 @@ impl Transformation {
         let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
         let mut block = (&full + full.transpose()) * 0.5;
         for k in 0..width {
-            // What the frame holds has rounding for a variance, of either sign.
+            // What the frame holds fixed has no variance but rounding, which may be negative.
             if block[(k, k)] < 0.0 {
                 block.row_mut(k).fill(0.0);
                 block.column_mut(k).fill(0.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What is held fixed while the rest varies, and directions brought into that frame.
+//! The datum of a covariance: what is held fixed while the rest varies, and directions brought into that frame.
 
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector};
@@ -34,7 +34,7 @@ impl Frame {
 /// Damping that makes a singular matrix one that can be factorised.
 pub const LIFT: f64 = 1e-13;
 
-/// The inverse of a small matrix; where it has none, that of what has.
+/// The inverse of a small matrix, or its pseudo-inverse if it is singular.
 pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
     let (rows, columns) = matrix.shape();
     let nothing = DMatrix::zeros(columns, rows);
@@ -46,7 +46,7 @@ pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
     decomposed.pseudo_inverse(bound).unwrap_or(nothing)
 }
 
-/// Share of the largest singular value that counts as none.
+/// Share of the largest singular value below which one is zero: far above rounding, far below any real one.
 const SINGULAR: f64 = 1e-12;
 
 /// The constraints under which positions do not move on the whole along the gauge.

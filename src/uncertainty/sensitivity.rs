@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How far the bearings hold a map.
+//! How sensitive a map is to noise, in the direction that the bearings hold least.
 
-use super::weak_directions::{Weak, weakest};
+use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::free_directions;
+use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::linearized::{Linearized, gauge, keeps_landmarks, kept_positions};
 use crate::adjustment::normal::Normal;
 use crate::adjustment::refine::is_sparse;
@@ -40,8 +40,8 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     }
 }
 
-/// A sighting over less than this part of the map's size ties two places together but tells nothing
-/// else; its huge weight would only drown the rest.
+/// A sighting over less than this part of the map's size says that two places are one and little else; beside its huge
+/// weight the others would be rounding, so it is left out.
 const TOUCHING: f64 = 1e-4;
 
 /// Of the views, by the sparse equations.
@@ -52,17 +52,17 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
     let Some(mut normal) = Normal::new(problem) else {
         return f64::NAN;
     };
-    normal.assemble(&rows, &free_directions(problem, bundle));
+    normal.assemble(&rows, &gauge_directions(problem, bundle));
     if !normal.factorize(0.0) {
         return f64::INFINITY;
     }
-    let square = |weak: &Weak| {
-        let views = weak.direction.chunks_exact(3).take(places.len());
+    let square = |pair: &Eigenpair| {
+        let views = pair.direction.chunks_exact(3).take(places.len());
         views
             .map(|step| step[0] * step[0] + step[1] * step[1])
             .sum::<f64>()
     };
-    // Landmarks that are hardly held may be weaker than what moves the views.
+    // Weak landmarks may come before the direction that moves the views most.
     let found = weakest(&normal, LOOKED_AT);
     let largest = found.iter().map(square).fold(0.0, f64::max);
     (largest / size).sqrt()
@@ -105,8 +105,8 @@ where
     let spread = direction
         .chunks_exact(K)
         .fold(0.0, |sum, block| sum + square(block));
-    // A view that the landmarks do not hold, though they are held themselves. Landmarks that views do
-    // not hold are found one by one (`unbounded_landmarks`).
+    // A single view may be weaker than that, though all landmarks are firm. Single landmarks are found by
+    // `unbounded_landmarks`.
     let mean = size / (points.len() as f64);
     let loosest = if E == 3 {
         schur.loosest_block() / mean
@@ -140,7 +140,7 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
             let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / square.sqrt());
             information += gradient * gradient.transpose();
         }
-        // The smaller eigenvalue, in a narrow bundle.
+        // In a narrow bundle of rays this is the smaller eigenvalue.
         let trace = information.trace();
         let determinant = information.determinant().max(0.0);
         let held = determinant / trace;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well the bearings fix a map, from the normal equations.
+//! Predicted variances of a map that is aligned with the truth, from the normal equations.
 
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::cholesky;
@@ -48,11 +48,10 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
             &[dx, dy, turn, gx, gy],
         );
     }
-    // The harmonic mean of what is known of each parameter when all others are: a landmark close to a
-    // view does not count for more than it should.
+    // The harmonic mean of the diagonal: a landmark close to a view, whose entry is huge, hardly changes it.
     let known: Vec<f64> = (0..size).map(|k| matrix[k * size + k]).collect();
     let stiffness = (size as f64) / known.iter().fold(0.0, |sum, k| sum + 1.0 / *k);
-    // Where the positions are in the list of parameters, and what is done to them by the similarity.
+    // Hold the similarity by four rows of that stiffness.
     let place = |k: usize| if k < views { 3 * k } else { views + 2 * k };
     let positions: Vec<Vector2<f64>> = bundle
         .poses

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The directions in which the sparse normal equations hold a map least.
+//! The weakest directions of a map, from the sparse normal equations.
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
-use crate::adjustment::gauge::free_directions;
+use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::linearized::kept_positions;
 use crate::adjustment::normal::Normal;
 #[cfg(not(feature = "std"))]
@@ -15,25 +15,58 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::DMatrix;
 
-/// A direction, one standard deviation long for residuals of unit variance, and its gain: the variance of
-/// the parameters in it over what it would be if each were alone.
-pub struct Weak {
+/// A direction of a map that is held weakly or not at all. Its cause is of the type by which the caller names causes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WeakDirection<Cause> {
+    /// Whether it is free, up to rounding; else it is held weakly.
+    pub free: bool,
+    /// How firmly it is held: the singular value of the Jacobian over its median column; from the sparse equations
+    /// one over the root of the gain. 0 where free.
+    pub singular_value: f64,
+    /// Predicted standard deviation of the map along it, as a share of its size: root mean square over all
+    /// positions. Infinite where free.
+    pub deviation: f64,
+    /// The same of the position that moves most.
+    pub largest: f64,
+    /// What moves, and its share of the squared moves; largest first.
+    pub movers: Vec<(Subject, f64)>,
+    /// What explains it.
+    pub cause: Option<Cause>,
+}
+
+impl<Cause> WeakDirection<Cause> {
+    /// The same direction with another cause.
+    pub(crate) fn with_cause<Other>(self, cause: Option<Other>) -> WeakDirection<Other> {
+        WeakDirection {
+            free: self.free,
+            singular_value: self.singular_value,
+            deviation: self.deviation,
+            largest: self.largest,
+            movers: self.movers,
+            cause,
+        }
+    }
+}
+
+/// An eigenvector of the covariance, one standard deviation long for residuals of unit variance, and its gain: the
+/// variance of the parameters in it over what it would be if each were alone.
+pub struct Eigenpair {
     pub direction: Vec<f64>,
     pub gain: f64,
 }
 
-/// Gain beyond which a direction is free: what is left of the information is rounding.
+/// Gain beyond which a direction is free: the information left along it is rounding.
 const FREE: f64 = 1e11;
 
-/// Steps of the iteration; sizes are wanted to a few percent.
+/// Steps of the iteration; they give sizes to a few percent.
 const STEPS: usize = 8;
 
-/// The directions that nothing holds, at most `count`.
+/// The free directions beyond the gauge, at most `count`.
 ///
-/// Ties may hold a direction far more loosely than the bearings hold the others, and hold it all the same: here
-/// each row of theirs weighs as much as that of a bearing, which changes no null space. Leaves the equations
-/// with these weights.
-pub fn free_of(
+/// Priors and odometry may hold a direction far more weakly than bearings hold the others, and still it is not free. So
+/// each of their rows gets the weight of a typical bearing here, which does not change the null space. The equations
+/// keep these weights.
+pub fn free_directions(
     normal: &mut Normal<'_>,
     rows: &Rows,
     gauge: &[Vec<f64>],
@@ -73,7 +106,7 @@ pub fn free_of(
 ///
 /// (T16) for a sparse matrix: inverse iteration on a few vectors at once, with the parameters in units of
 /// their conditional standard deviations. Needs [`Normal::factorize`].
-pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Weak> {
+pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
     let size = normal.size();
     let count = count.min(size);
     let units: Vec<f64> = (0..size)
@@ -108,7 +141,7 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Weak> {
             let column = basis.column(k);
             let length = (gains[k].max(0.0)).sqrt() / column.norm();
             let entries = column.iter().zip(&units);
-            Weak {
+            Eigenpair {
                 direction: entries
                     .map(|(entry, unit)| {
                         if *unit > 0.0 {
@@ -124,25 +157,17 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Weak> {
         .collect()
 }
 
-/// A direction of a map that is held weakly or not at all.
-pub struct Loose {
-    /// Whether nothing holds it, up to rounding.
-    pub free: bool,
-    /// One over the root of the gain: 0 where free, 1 for a parameter that depends on no other.
-    pub held: f64,
-    /// Predicted standard deviation along it for residuals of one sigma, as a share of the size of the views:
-    /// root mean square over all positions, and of the position that moves most.
-    pub deviation: f64,
-    pub largest: f64,
-    /// Who moves, and its share of the squared moves; largest first.
-    pub movers: Vec<(Subject, f64)>,
-}
-
-/// The weakest directions of a map beyond its gauge, whatever ties there are and however large it is.
+/// The weakest directions of a map beyond its gauge, at most `count`, for residuals of so many `sigmas`; whatever
+/// odometry and priors there are and however large the map is.
 ///
-/// Along what the gauge leaves open, positions do not move on the whole. `None` when the equations are beyond
-/// the memory or the arithmetic.
-pub fn loose_directions(problem: &Problem, map: &Map, count: usize) -> Option<Vec<Loose>> {
+/// Along the gauge, positions do not move on the whole. `None` when the equations are beyond the memory or the
+/// arithmetic.
+pub fn weakest_directions<Cause>(
+    problem: &Problem,
+    map: &Map,
+    count: usize,
+    sigmas: f64,
+) -> Option<Vec<WeakDirection<Cause>>> {
     let subjects: Vec<Subject> = map.determined().collect();
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
@@ -152,8 +177,8 @@ pub fn loose_directions(problem: &Problem, map: &Map, count: usize) -> Option<Ve
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, Loss::Squared, &mut rows);
     let mut normal = Normal::new(&active)?;
-    let gauge = free_directions(&active, &bundle);
-    let free = free_of(&mut normal, &rows, &gauge, count)?;
+    let gauge = gauge_directions(&active, &bundle);
+    let free = free_directions(&mut normal, &rows, &gauge, count)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
         return None;
@@ -163,53 +188,51 @@ pub fn loose_directions(problem: &Problem, map: &Map, count: usize) -> Option<Ve
     let inner = inner_constraints(&gauge, places.len());
     // Those that are free, and the weakest of the others.
     let others = weakest(&normal, count).into_iter().skip(free.len());
-    let free = free.into_iter().map(|direction| (direction, f64::INFINITY));
-    let all = free.chain(others.map(|weak| (weak.direction, weak.gain)));
+    let free = free.into_iter().map(|direction| (direction, None));
+    let all = free.chain(others.map(|pair| {
+        let gain = Some(pair.gain).filter(|gain| *gain != f64::INFINITY);
+        (pair.direction, gain)
+    }));
     let found = all.map(|(direction, gain)| {
-        let free = gain == f64::INFINITY;
         let moved = in_frame(&gauge, &inner, &[direction]);
-        let square = |k: usize| {
-            let place = if k < places.len() {
-                3 * k
-            } else {
-                places.len() + 2 * k
-            };
-            let step = &moved[0][place..place + 2];
-            step[0] * step[0] + step[1] * step[1]
-        };
-        let squares: Vec<f64> = (0..subjects.len()).map(square).collect();
+        let squares = squared_moves(&moved[0], places.len());
         let sum: f64 = squares.iter().sum();
-        let most = squares
-            .iter()
-            .fold(0.0, |most: f64, square| most.max(*square));
-        let mut movers: Vec<(Subject, f64)> = subjects
-            .iter()
-            .zip(&squares)
-            .map(|(subject, square)| (*subject, square / sum))
-            .filter(|(_, share)| *share > MOVES)
-            .collect();
-        movers.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let share = |square: f64| {
-            if free {
-                f64::INFINITY
-            } else {
-                square.sqrt() / size
-            }
+        let most = squares.iter().copied().fold(0.0, f64::max);
+        let deviation = |square: f64| match gain {
+            None => f64::INFINITY,
+            Some(_) => sigmas * (square.sqrt() / size),
         };
-        Loose {
-            free,
-            held: if free {
-                0.0
-            } else {
-                1.0 / gain.max(1.0).sqrt()
-            },
-            deviation: share(sum / subjects.len() as f64),
-            largest: share(most),
-            movers,
+        WeakDirection {
+            free: gain.is_none(),
+            singular_value: gain.map_or(0.0, |gain| 1.0 / gain.max(1.0).sqrt()),
+            deviation: deviation(sum / subjects.len() as f64),
+            largest: deviation(most),
+            movers: largest_first(subjects.iter().copied().zip(squares)),
+            cause: None,
         }
     });
     Some(found.collect())
 }
 
-/// Share of the squared moves below which a subject is not listed.
-const MOVES: f64 = 0.01;
+/// The squared move of each position, views before landmarks.
+fn squared_moves(direction: &[f64], views: usize) -> Vec<f64> {
+    let (poses, landmarks) = direction.split_at(3 * views);
+    let steps = poses.chunks_exact(3).chain(landmarks.chunks_exact(2));
+    steps
+        .map(|step| step[0] * step[0] + step[1] * step[1])
+        .collect()
+}
+
+/// Share of the squared moves below which a position is not listed: a tenth of the whole in length. It decides
+/// only what is listed.
+const LISTED: f64 = 0.01;
+
+/// What moves, with its share of the squared moves, largest first.
+pub fn largest_first<T>(squares: impl Iterator<Item = (T, f64)>) -> Vec<(T, f64)> {
+    let mut movers: Vec<(T, f64)> = squares.collect();
+    let sum: f64 = movers.iter().map(|(_, square)| square).sum();
+    movers.iter_mut().for_each(|(_, square)| *square /= sum);
+    movers.retain(|(_, share)| *share > LISTED);
+    movers.sort_by(|a, b| b.1.total_cmp(&a.1));
+    movers
+}

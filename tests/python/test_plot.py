@@ -149,7 +149,9 @@ def test_a_picture_without_any_bounded_ellipse_says_nothing_of_them(result):
 def test_outliers_are_drawn_apart():
     bearings = SCENE.bearings.copy()
     bearings[1, 4] += 0.5
-    result = bearslam.refine(bearings, SCENE, sigma=0.01, loss="truncated", loss_scale=6.0)
+    result = bearslam.refine(
+        bearings, SCENE, sigma=0.01, loss="truncated", refinement=bearslam.RefineOptions(loss_scale=6.0)
+    )
     ax = result.plot(Figure().add_subplot())
     good, wrong = drawn(ax, LineCollection)
     assert len(good.get_segments()) == 35
@@ -396,7 +398,9 @@ def test_a_map_of_thousands_of_views_is_a_small_file(tmp_path):
     scene = bearslam.simulate("trajectory", 7000, 200, noise=0.003, seed=3, sight=0.6)
     assert len(scene.sightings) > 30_000
     odometry = scene.odometry(NOISE, seed=1)
-    result = bearslam.refine(scene.bearings, scene, sigma=0.003, odometry=odometry, max_iterations=2)
+    result = bearslam.refine(
+        scene.bearings, scene, sigma=0.003, odometry=odometry, refinement=bearslam.RefineOptions(max_iterations=2)
+    )
     random = np.random.default_rng(0)
     full = dataclasses.replace(
         result,

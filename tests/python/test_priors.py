@@ -131,9 +131,13 @@ def test_a_loss_bears_a_wrong_bearing(loss):
         "truncated": np.minimum(s, scale**2),
     }[loss]
     assert result.cost == pytest.approx(rho.sum() / 2, rel=1e-9)
-    given = bearslam.refine(bearings, scene, sigma=0.002, loss=loss, loss_scale=scale)
+    given = bearslam.refine(
+        bearings, scene, sigma=0.002, loss=loss, refinement=bearslam.RefineOptions(loss_scale=scale)
+    )
     assert given.cost == result.cost
-    wider = bearslam.refine(bearings, scene, sigma=0.002, loss=loss, loss_scale=5 * scale)
+    wider = bearslam.refine(
+        bearings, scene, sigma=0.002, loss=loss, refinement=bearslam.RefineOptions(loss_scale=5 * scale)
+    )
     assert wider.cost > result.cost
 
 
@@ -142,7 +146,9 @@ def test_outliers_of_a_truncated_loss_are_named():
     bearings = scene.bearings.copy()
     bearings[2, 3] += 0.2
     bearings[5, 5] = np.nan
-    result = bearslam.refine(bearings, scene, sigma=0.002, loss="truncated", loss_scale=4.0)
+    result = bearslam.refine(
+        bearings, scene, sigma=0.002, loss="truncated", refinement=bearslam.RefineOptions(loss_scale=4.0)
+    )
     wrong = np.isfinite(bearings) & ~result.inliers
     assert np.argwhere(wrong).tolist() == [[2, 3]]
     assert result.inliers.dtype == bool

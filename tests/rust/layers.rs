@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
 /// those before it.
-const ROOMS: [&str; 30] = [
+const ROOMS: [&str; 33] = [
     "scalar",
     "float",
     "error",
@@ -36,6 +36,9 @@ const ROOMS: [&str; 30] = [
     "reconstruction/robust",
     "reconstruction/odometry",
     "reconstruction/solve",
+    "diagnosis/options",
+    "diagnosis/finding",
+    "diagnosis/sentences",
     "diagnosis/shapes",
     "diagnosis/parts",
     "diagnosis/maps",

@@ -102,21 +102,10 @@ def residuals_over_sigma(result: Estimate) -> float:
     sigma = result.sightings.sigma
     if sigma is None or (sigma == 1.0).all():
         return math.nan
-    placed, known = np.isfinite(result.poses[:, 0]), np.isfinite(result.landmarks[:, 0])
     wrong = int(outliers(result).sum())
-    freedom = int(np.isfinite(result.residuals).sum()) - wrong - 3 * int(placed.sum()) - 2 * int(known.sum())
-    if result.pose_priors is None and result.landmark_priors is None:
-        freedom += 4 if result.odometry is None else 3  # position, rotation and, without odometry, scale are free
-    if result.odometry is not None:
-        freedom += 3 * int((placed[result.odometry.start] & placed[result.odometry.end]).sum())
-    if result.pose_priors is not None:
-        held = result.pose_priors.sigma
-        freedom += int(np.isfinite(held).sum()) if held.ndim == 2 else 3 * len(held)
-    if result.landmark_priors is not None:
-        freedom += 2 * len(result.landmark_priors)
     # An outlier contributes the square of three standard deviations.
     squares = 2.0 * result.cost - 9.0 * wrong
-    return math.sqrt(max(squares, 0.0) / freedom) if freedom > 0 else math.nan
+    return math.sqrt(max(squares, 0.0) / result.freedom) if result.freedom > 0 else math.nan
 
 
 def listing(result: Estimate) -> str:

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import argparse
 import inspect
+from dataclasses import fields
 from typing import Any
 
 from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.input import INPUT, add_input, read_input
 from bearslam.cli.report import describe, errors, listing, percent, residuals_over_sigma
 from bearslam.data.estimate import Estimate, outliers
-from bearslam.data.options import FRAMES, LOSSES, METHODS
+from bearslam.data.options import FRAMES, LOSSES, METHODS, RefineOptions, SearchOptions
 from bearslam.errors import InvalidInputError
 from bearslam.io.endings import RESULTS
 from bearslam.io.truth import load_truth
@@ -32,9 +33,13 @@ examples:
 """
 
 CHOICES = {"loss": LOSSES, "method": METHODS}
-TUNING = {
+WORDS = {
     "loss": (None, "robust loss applied to the residuals"),
     "method": (None, "method that finds the initial map"),
+    "seed": ("N", "seed of the random choice of triples"),
+}
+"""Options of `solve` that are options of the command as well: placeholder and help."""
+FIELDS = {
     "triples": ("N", "number of view triples whose trifocal tensor is estimated"),
     "grown": ("N", "number of these, best conditioned first, that are grown to whole maps"),
     "candidates": ("N", "largest number of maps that are refined"),
@@ -42,9 +47,9 @@ TUNING = {
     "max_iterations": ("N", "largest number of iterations of one refinement"),
     "damping": ("X", "initial damping of Levenberg-Marquardt; 0 is Gauss-Newton"),
     "tolerance": ("X", "relative decrease of the cost below which a refinement has converged"),
-    "seed": ("N", "seed of the random choice of triples"),
+    "loss_scale": ("X", "width of the loss [standard deviations]"),
 }
-"""Options of `solve` that are options of the command as well: placeholder and help."""
+"""The same for the fields of `SearchOptions` and `RefineOptions`."""
 
 LARGE = 3.0
 """Ratio of residuals to standard deviations above which the map is suspected to be wrong."""
@@ -92,19 +97,25 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         metavar="FRAME",
         help="compute covariances in the frame first_view, free_network or priors (default: the one that applies)",
     )
-    verb.add_argument("--loss-scale", type=float, metavar="X", help="width of the loss [standard deviations]")
     defaults = inspect.signature(solve).parameters
-    for name, (metavar, text) in TUNING.items():
-        default = defaults[name].default
-        verb.add_argument(
-            f"--{name.replace('_', '-')}",
-            choices=CHOICES.get(name),
-            type=type(default),
-            metavar=metavar,
-            default=default,
-            help=f"{text} (default: %(default)s)",
-        )
+    for name, (metavar, text) in WORDS.items():
+        _add(verb, name, metavar, text, defaults[name].default)
+    for options in (SearchOptions, RefineOptions):
+        for field in fields(options):
+            _add(verb, field.name, *FIELDS[field.name], field.default)
     verb.set_defaults(run=_run)
+
+
+def _add(verb: argparse.ArgumentParser, name: str, metavar: str | None, text: str, default: object) -> None:
+    """Add an option of `solve`, or of its options."""
+    verb.add_argument(
+        f"--{name.replace('_', '-')}",
+        choices=CHOICES.get(name),
+        type=float if default is None else type(default),
+        metavar=metavar,
+        default=default,
+        help=text if default is None else f"{text} (default: %(default)s)",
+    )
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -129,12 +140,13 @@ def _run(options: argparse.Namespace) -> None:
     with ProgressLine() as progress:
         result = solve(
             problem,
-            loss_scale=options.loss_scale,
             oriented=not options.unoriented,
             robust=options.robust,
             covariance=options.covariance,
             progress=progress,
-            **{name: getattr(options, name) for name in TUNING},
+            search=SearchOptions(**{field.name: getattr(options, field.name) for field in fields(SearchOptions)}),
+            refinement=RefineOptions(**{field.name: getattr(options, field.name) for field in fields(RefineOptions)}),
+            **{name: getattr(options, name) for name in WORDS},
         )
     if options.output is not None:
         result.save(options.output, robot=options.robot)

@@ -10,7 +10,7 @@ import math
 import operator
 import sys
 from collections.abc import Sequence
-from typing import Any, SupportsFloat, SupportsIndex, TypeAlias
+from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ __all__ = [
     "flag",
     "floats",
     "indices",
+    "instance",
     "observer",
     "plain",
     "quote",
@@ -33,6 +34,7 @@ __all__ = [
     "whole",
 ]
 
+T = TypeVar("T")
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 
@@ -154,3 +156,10 @@ def observer(progress: Progress | None) -> Progress | None:
 
 def _shape(shape: Sequence[int | str]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+
+
+def instance(name: str, value: T, kind: type[T]) -> T:
+    """A value of a type."""
+    if not isinstance(value, kind):
+        raise InvalidInputError(f"{name}: expected {kind.__name__}, got {quote(value)}")
+    return value

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bearslam.data.checks import FloatArray
-from bearslam.data.options import CovarianceFrame
+from bearslam.data.options import CovarianceFrame, Settings
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.sightings import Sightings
 
@@ -84,6 +84,9 @@ class Estimate:
         "not_refined" where there was none.
     iterations : int
         Iterations of the refinement.
+    freedom : int
+        Degrees of freedom: numbers measured (bearings of inliers, odometry and priors) minus unknowns, gauge freedom
+        apart.
     inliers : (m, n) or (k,) ndarray of bool
         Sightings that the map explains, in the shape of the problem: all with a residual, or with ``robust=True`` those
         within three standard deviations, with ``loss="truncated"`` those within its width. False where nothing was seen
@@ -113,6 +116,8 @@ class Estimate:
         Measurements besides the sightings.
     view_ids, landmark_ids : tuple of str, or None
         Names of views and landmarks in the file that the problem was read from.
+    settings : Settings
+        How it was found: method, search, loss, refinement, robust and seed.
     """
 
     poses: FloatArray
@@ -126,6 +131,7 @@ class Estimate:
     converged: bool
     termination: Termination
     iterations: int
+    freedom: int
     inliers: NDArray[np.bool_]
     undetermined: tuple[Undetermined, ...] = ()
     alternatives: tuple[Estimate, ...] = ()
@@ -139,6 +145,7 @@ class Estimate:
     landmark_priors: LandmarkPriors | None = None
     view_ids: tuple[str, ...] | None = None
     landmark_ids: tuple[str, ...] | None = None
+    settings: Settings = field(default_factory=Settings)
 
     def __repr__(self) -> str:
         missing = f", {len(self.undetermined)} undetermined" if self.undetermined else ""

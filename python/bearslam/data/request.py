@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -14,9 +14,6 @@ from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.errors import InvalidInputError
 
-if TYPE_CHECKING:
-    from bearslam._core import RawProblem
-
 __all__ = ["Request"]
 
 LARGEST_SIGMA = 0.5
@@ -26,7 +23,11 @@ T = TypeVar("T")
 
 
 class Request:
-    """A problem as the core takes it (`raw`), with what it takes to put the answer into the form of the problem."""
+    """A problem as the core reads it, with what it takes to put the answer into the form of the problem (`table`).
+
+    The core reads the attributes views, landmarks, view, landmark, bearing, sigma, oriented, odometry, pose_priors and
+    landmark_priors.
+    """
 
     def __init__(
         self,
@@ -67,18 +68,10 @@ class Request:
         for name, given in (("odometry", motions), ("pose_priors", poses), ("landmark_priors", points)):
             if given is not None:
                 self.require_sigma(name)
-        self.raw: RawProblem = {
-            "views": self.table.views,
-            "landmarks": self.table.landmarks,
-            "view": self.table.sightings.view,
-            "landmark": self.table.sightings.landmark,
-            "bearing": self.table.sightings.bearing,
-            "sigma": self.table.sigma,
-            "oriented": flag("oriented", oriented),
-            "odometry": None if motions is None else (motions.start, motions.end, motions.delta, motions.sigma),
-            "pose_priors": None if poses is None else (poses.view, poses.pose, poses.sigma),
-            "landmark_priors": None if points is None else (points.landmark, points.position, points.sigma),
-        }
+        self.oriented = flag("oriented", oriented)
+        self.views, self.landmarks = self.table.views, self.table.landmarks
+        seen = self.table.sightings
+        self.view, self.landmark, self.bearing, self.sigma = seen.view, seen.landmark, seen.bearing, self.table.sigma
 
     def require_sigma(self, what: str) -> None:
         """Refuse implausible standard deviations: what weighs bearings against something else needs the true ones."""

@@ -7,12 +7,14 @@ import json
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import asdict
 from json import dumps
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from bearslam._core import __version__
 from bearslam.data.checks import FloatArray, quote
 from bearslam.data.estimate import Estimate, per_sighting
 from bearslam.data.maps import HasMap
@@ -56,6 +58,8 @@ def as_json(result: Estimate) -> str:
         {
             "format": "bearslam reconstruction",
             "version": 1,
+            "bearslam": __version__,
+            "settings": asdict(result.settings),
             **_summary(result),
             "oriented": result.oriented,
             "covariance_frame": result.covariance_frame,
@@ -113,6 +117,7 @@ def _summary(result: Estimate) -> dict[str, object]:
         "converged": result.converged,
         "termination": result.termination,
         "iterations": result.iterations,
+        "freedom": result.freedom,
     }
 
 

@@ -20,6 +20,7 @@ __all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Sever
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 """Not determined; poorly determined; worth knowing."""
+Subject: TypeAlias = Literal["view", "landmark"]
 
 
 @dataclass(frozen=True)
@@ -250,30 +251,38 @@ def diagnosed(
     request: Request, poses: FloatArray | None, points: FloatArray | None, progress: Progress | None
 ) -> Diagnosis:
     """The diagnosis of a request, at a given map or at one that the core computes."""
-    raw = _core.diagnose(request.raw, poses, points, observer(progress))
+    raw = _core.diagnose(request, poses, points, observer(progress))
     return Diagnosis(
         views=raw["views"],
         landmarks=raw["landmarks"],
         sightings=raw["sightings"],
         determined=raw["determined"],
         findings=tuple(
-            Finding(name, cast("Severity", severity), tuple(views), tuple(landmarks), directions, message, advice)
-            for name, severity, views, landmarks, directions, message, advice in raw["findings"]
+            Finding(
+                name=one["name"],
+                severity=cast("Severity", one["severity"]),
+                views=tuple(one["views"]),
+                landmarks=tuple(one["landmarks"]),
+                directions=one["directions"],
+                message=one["message"],
+                advice=one["advice"],
+            )
+            for one in raw["findings"]
         ),
         components=tuple(
-            Component(tuple(views), tuple(landmarks), sightings, freedom)
-            for views, landmarks, sightings, freedom in raw["components"]
+            Component(tuple(one["views"]), tuple(one["landmarks"]), one["sightings"], one["freedom"])
+            for one in raw["components"]
         ),
         extra=raw["extra"],
         null_directions=tuple(
             NullDirection(
-                free,
-                value,
-                deviation,
-                tuple(Mover(cast("Literal['view', 'landmark']", kind), index, share) for kind, index, share in movers),
-                cause,
+                free=one["free"],
+                singular_value=one["singular_value"],
+                deviation=one["deviation"],
+                movers=tuple(Mover(cast("Subject", kind), k, share) for kind, k, share in one["movers"]),
+                cause=one["cause"],
             )
-            for free, value, deviation, movers, cause in raw["null_directions"]
+            for one in raw["null_directions"]
         ),
         singular_values=raw["singular_values"],
         condition=raw["condition"],

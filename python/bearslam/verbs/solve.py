@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from bearslam import _core
 from bearslam.data.checks import observer
 from bearslam.data.maps import MapLike, pick
-from bearslam.data.options import CovarianceFrame, Loss, Method, frame, refinement, search
+from bearslam.data.options import CovarianceFrame, Loss, Method, RefineOptions, SearchOptions, Settings, frame
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.data.request import Request
@@ -19,6 +19,7 @@ from bearslam.verbs.diagnose import diagnosed
 
 __all__ = ["initialize", "refine", "solve"]
 
+DEFAULT_SEARCH, DEFAULT_REFINEMENT = SearchOptions(), RefineOptions()
 FREE_FRAME = "free_frame"
 """The kind of the `DegenerateError` that is raised when the frame "priors" does not exist."""
 
@@ -28,7 +29,6 @@ def solve(
     *,
     sigma: ArrayLike = 1.0,
     loss: Loss = "squared",
-    loss_scale: float | None = None,
     oriented: bool = True,
     odometry: Odometry | None = None,
     pose_priors: PosePriors | None = None,
@@ -36,13 +36,8 @@ def solve(
     robust: bool = False,
     covariance: bool | CovarianceFrame = False,
     method: Method = "search",
-    triples: int = 24,
-    grown: int = 6,
-    candidates: int = 6,
-    swept: int = 4,
-    max_iterations: int = 100,
-    damping: float = 1e-4,
-    tolerance: float = 1e-10,
+    search: SearchOptions = DEFAULT_SEARCH,
+    refinement: RefineOptions = DEFAULT_REFINEMENT,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
@@ -69,9 +64,6 @@ def solve(
         Whether to tolerate outliers: mismatched landmarks, bearings off by pi, random bearings. The map is the one that
         explains most bearings to within three standard deviations; `inliers` says which. Needs the true `sigma` and
         ignores `loss`. Up to a third of the bearings may be wrong.
-    loss_scale : float, optional
-        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", for 95 % of the
-        efficiency of least squares, and 3 for "truncated".
     oriented : bool
         Whether bearings are rays. False for lines, known modulo pi only: each heading is then known modulo pi only as
         well.
@@ -94,22 +86,10 @@ def solve(
         between; "search" does the same under limited sight: with more than 40 views, or with eight or more that see
         less than 60 % of the landmarks. "global" takes all views at once: headings by rotation averaging, then one
         linear system for all positions.
-    triples : int
-        Number of triples of views whose tensor is estimated; "search" only.
-    grown : int
-        Number of these, best conditioned first, that are grown to whole maps, both solutions of each; "search" only.
-    candidates : int
-        Largest number of maps that are refined; fewer if the cost of one is what `sigma` predicts, or two end in the
-        same minimum. "search" only.
-    swept : int
-        Number of triples whose tensors are varied in their least determined direction if the candidates leave doubt;
-        twice as many candidates follow. 0 for none; "search" only.
-    max_iterations : int
-        Largest number of iterations of one refinement.
-    damping : float
-        Initial damping of Levenberg-Marquardt; 0 for Gauss-Newton.
-    tolerance : float
-        Relative decrease of the cost below which the refinement has converged.
+    search : SearchOptions
+        Width of the search; the method "search" only.
+    refinement : RefineOptions
+        How maps are refined, and the width of the loss.
     seed : int
         Seed of the random choice of triples. The same seed gives the same bits.
     progress : callable, optional
@@ -179,22 +159,17 @@ def solve(
         landmark_priors=landmark_priors,
     )
     wanted = frame(covariance)
-    how = search(
-        method=method, triples=triples, grown=grown, candidates=candidates, swept=swept, seed=seed, robust=robust
-    )
-    refining = refinement(
-        loss=loss, loss_scale=loss_scale, max_iterations=max_iterations, damping=damping, tolerance=tolerance
-    )
-    if how["robust"]:
+    settings = Settings(method, search, loss, refinement, robust, seed)
+    if settings.robust:
         request.require_sigma("robust=True")
     try:
-        raws = _core.solve(request.raw, how, refining, wanted, observer(progress))
+        raws = _core.solve(request, settings, wanted, observer(progress))
     except DegenerateError as error:
         # Outliers would mislead the diagnosis, and if only the frame does not exist, nothing is wrong with the map.
         if not robust and error.kind != FREE_FRAME:
             error.diagnosis = diagnosed(request, None, None, progress)
         raise
-    return best_with_alternatives(request, raws)
+    return best_with_alternatives(request, settings, raws)
 
 
 def initialize(
@@ -202,11 +177,10 @@ def initialize(
     *,
     sigma: ArrayLike = 1.0,
     loss: Loss = "squared",
-    loss_scale: float | None = None,
     oriented: bool = True,
     method: Method = "search",
-    triples: int = 24,
-    grown: int = 6,
+    search: SearchOptions = DEFAULT_SEARCH,
+    refinement: RefineOptions = DEFAULT_REFINEMENT,
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Reconstruction:
@@ -214,10 +188,10 @@ def initialize(
 
     Parameters
     ----------
-    problem, sigma, oriented, method, triples, grown, seed, progress
+    problem, sigma, oriented, method, search, seed, progress
         As for `solve`. Odometry and priors of a `Problem` are ignored.
-    loss, loss_scale
-        As for `solve`; used to compare the maps.
+    loss, refinement
+        As for `solve`; the loss and its width are used to compare the maps.
 
     Returns
     -------
@@ -243,13 +217,9 @@ def initialize(
     """
     bearings = problem.bearings_only() if isinstance(problem, Problem) else problem
     request = Request(bearings, sigma, loss=loss, oriented=oriented)
-    raws = _core.initialize(
-        request.raw,
-        search(method=method, triples=triples, grown=grown, seed=seed),
-        refinement(loss=loss, loss_scale=loss_scale),
-        observer(progress),
-    )
-    return best_with_alternatives(request, raws)
+    settings = Settings(method, search, loss, refinement, seed=seed)
+    raws = _core.initialize(request, settings, observer(progress))
+    return best_with_alternatives(request, settings, raws)
 
 
 def refine(
@@ -258,24 +228,19 @@ def refine(
     *,
     sigma: ArrayLike = 1.0,
     loss: Loss = "squared",
-    loss_scale: float | None = None,
     oriented: bool = True,
     odometry: Odometry | None = None,
     pose_priors: PosePriors | None = None,
     landmark_priors: LandmarkPriors | None = None,
     covariance: bool | CovarianceFrame = False,
-    max_iterations: int = 100,
-    damping: float = 1e-4,
-    tolerance: float = 1e-10,
+    refinement: RefineOptions = DEFAULT_REFINEMENT,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Refine a map to the nearest minimum of the cost, by Levenberg-Marquardt.
 
     Parameters
     ----------
-    problem, sigma, loss, loss_scale, oriented, odometry, pose_priors, landmark_priors, covariance
-        As for `solve`.
-    max_iterations, damping, tolerance, progress
+    problem, sigma, loss, oriented, odometry, pose_priors, landmark_priors, covariance, refinement, progress
         As for `solve`.
     start : Reconstruction, Scene or (poses, landmarks), optional
         Initial poses (m, 3) and landmarks (n, 2); NaN for what to leave out. In any frame and scale without odometry
@@ -319,14 +284,6 @@ def refine(
     if start is None:
         raise InvalidInputError("start: expected an initial map, since the problem has none; solve needs none")
     guess = pick("start", start, request.table.views, request.table.landmarks)
-    raw = _core.refine(
-        request.raw,
-        guess.poses,
-        guess.landmarks,
-        refinement(
-            loss=loss, loss_scale=loss_scale, max_iterations=max_iterations, damping=damping, tolerance=tolerance
-        ),
-        frame(covariance),
-        observer(progress),
-    )
-    return from_core(request, raw)
+    settings = Settings(loss=loss, refinement=refinement)
+    raw = _core.refine(request, settings, guess.poses, guess.landmarks, frame(covariance), observer(progress))
+    return from_core(request, settings, raw)

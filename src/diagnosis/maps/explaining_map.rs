@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map that explains the bearings, one of many where they leave freedom: evidence for a diagnosis.
+//! A map that explains the bearings, one of many where they leave freedom: what a diagnosis looks at.
 
-use crate::adjustment::RefineOptions;
+use super::super::options::MapOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::kernels::{Method, three_view};
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
 use crate::reconstruction::judge::{same, variance};
@@ -16,9 +17,9 @@ use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
 use alloc::vec::Vec;
 
 /// A map and how it explains the bearings.
-pub struct Witness {
+pub struct ExplainingMap {
     pub map: Map,
-    /// Half the sum of squared residuals over sigma, per degree of freedom, doubled.
+    /// Sum of squared residuals over sigma, per degree of freedom.
     pub variance: f64,
     pub undetermined: Vec<Undetermined>,
     /// Other maps that explain the bearings about as well.
@@ -27,32 +28,27 @@ pub struct Witness {
     pub rival: f64,
 }
 
-/// Fewest landmarks that three views must share: with them the null space of the tensor is a circle.
+/// Fewest landmarks that three views must share, by counting: then the null space of their tensor is a circle.
 const MIN_SHARED: usize = 4;
 
-/// Triples of views whose tensors are tried when the search has failed, places on the circle of each, and
-/// maps that are refined: of a degenerate problem any place will do.
-const TRIPLES: usize = 3;
-const PLACES: usize = 24;
-const REFINED: usize = 12;
-
-/// The map of [`solve`](super::solve), whether it is determined or not; where there is none, a map from
-/// the null space of the tensor of three views.
+/// The map of least cost that the search finds, whether it is determined or not; where there is none, a map from the
+/// null space of the tensor of three views.
 ///
 /// `None` when no three views share four landmarks.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::TooLarge`] as the refinement.
-pub fn witness(
+pub fn explaining_map(
     problem: &Problem,
+    options: &MapOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Witness>, Error> {
+) -> Result<Option<ExplainingMap>, Error> {
     let found = match lowest(problem, &SolveOptions::default(), progress) {
         Ok(found) => found,
         Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
         Err(_) => {
-            let mut found = explaining(problem).into_iter();
-            return Ok(found.next().map(|first| Witness {
+            let mut found = explaining_maps(problem, options).into_iter();
+            return Ok(found.next().map(|first| ExplainingMap {
                 variance: variance(&first),
                 undetermined: first.undetermined,
                 map: first.map,
@@ -65,11 +61,15 @@ pub fn witness(
     let rival = rivals.map(variance).fold(f64::INFINITY, f64::min);
     let fit = variance(&found);
     let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
-    // Of four landmarks there may be several exact maps, of which the search keeps the sharpest.
+    // Of four landmarks there may be several exact maps, of which the search keeps the best determined.
     if problem.landmarks() == MIN_SHARED {
-        others.extend(explaining(problem).into_iter().map(|other| other.map));
+        others.extend(
+            explaining_maps(problem, options)
+                .into_iter()
+                .map(|other| other.map),
+        );
     }
-    Ok(Some(Witness {
+    Ok(Some(ExplainingMap {
         variance: fit,
         undetermined: found.undetermined,
         map: found.map,
@@ -78,39 +78,35 @@ pub fn witness(
     }))
 }
 
-/// Refined maps along the circles of tensors of some views, those that reach most and explain the
-/// bearings about as well as the best of them; the most compact first, for at the edge of a family
-/// landmarks run away.
-pub fn explaining(problem: &Problem) -> Vec<Reconstruction> {
+/// Refined maps along the circles of tensors of some views: of those that reach most, the ones that explain the
+/// bearings about as well as the best. The most compact first, because landmarks run away at the edge of a family.
+pub fn explaining_maps(problem: &Problem, options: &MapOptions) -> Vec<Reconstruction> {
     let circle = if problem.landmarks() == MIN_SHARED {
         Circle::WHOLE
     } else {
         Circle {
-            places: PLACES,
+            places: options.places,
             ..Circle::WHOLE
         }
     };
     let mut scored = Vec::new();
-    for views in draw(problem, MIN_SHARED, TRIPLES, 0) {
+    for views in draw(problem, MIN_SHARED, options.triples, 0) {
         scored.extend(along_circle(problem, views, circle));
     }
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let options = RefineOptions::default();
-    let maps = scored.into_iter().take(REFINED).map(|(_, map)| map);
+    let refinement = RefineOptions::default();
+    let maps = scored.into_iter().take(options.refined).map(|(_, map)| map);
     let mut found: Vec<_> = maps
-        .filter_map(|map| refine(problem, &map, &options, None).ok())
+        .filter_map(|map| refine(problem, &map, &refinement, None).ok())
         .collect();
     let fewest = found.iter().map(|r| r.undetermined.len()).min();
     found.retain(|r| Some(r.undetermined.len()) == fewest);
     let rms = found.iter().map(|r| r.rms);
-    let bound = AS_GOOD * rms.fold(f64::INFINITY, f64::min) + f64::EPSILON.sqrt();
+    let bound = options.as_good * rms.fold(f64::INFINITY, f64::min) + f64::EPSILON.sqrt();
     found.retain(|r| r.rms <= bound);
     found.sort_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)));
     found
 }
-
-/// Residuals so many times as large are about as good.
-const AS_GOOD: f64 = 3.0;
 
 /// Distance of the farthest point of a normalised map from the origin: the views are about 1 away.
 fn sprawl(map: &Map) -> f64 {
@@ -120,8 +116,8 @@ fn sprawl(map: &Map) -> f64 {
     distances.fold(0.0, f64::max)
 }
 
-/// Costs per degree of freedom of the other branch of three views, refined: those of both branches that
-/// are not the given map.
+/// Costs per degree of freedom of the mirror images of a map of three views, refined: of both branches of the
+/// three-view solver those that are not the map itself.
 pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
     if problem.views() != 3 {
         return Vec::new();
@@ -148,10 +144,10 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
     costs
 }
 
-/// Three views to tie a map to: of some that share five landmarks, or four, the best connected.
-pub fn seed(problem: &Problem) -> Option<[usize; 3]> {
+/// Three views to start a map from: of some that share five landmarks, or four, those that share most.
+pub fn best_triple(problem: &Problem, options: &MapOptions) -> Option<[usize; 3]> {
     [5, 4].into_iter().find_map(|needed| {
-        let drawn = draw(problem, needed, 24, 0);
+        let drawn = draw(problem, needed, options.start_triples, 0);
         drawn
             .into_iter()
             .max_by_key(|&views| common_bearings(problem, views).1.len())

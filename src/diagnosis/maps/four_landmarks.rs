@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Two maps that were one before the noise: where solutions merge, noise tears them apart.
+//! Four landmarks near a circle: the two maps that explain noisy bearings, and the map between them.
 //!
-//! Any map of four landmarks has a twin that explains the bearings as well, and the two are one where the
-//! landmarks are on a circle. Bearings with noise of such a scene have two solutions some way off it, on
-//! either side; the map between them is on it up to the square of that way.
+//! Any map of four landmarks has a twin that explains the bearings as well, and the two are the same where the
+//! landmarks are on a circle. From noisy bearings of such a scene come two solutions at about the same distance from
+//! the circle, on either side of it; the map halfway between is off the circle by the square of that distance only.
 
 use super::super::finding::Kind;
-use super::super::parts::subproblem::Own;
+use super::super::parts::subproblem::SubProblem;
 use crate::geometry::{Pose, align};
 use crate::problem::Map;
 use alloc::vec::Vec;
 use nalgebra::{Point2, center};
 
-impl Own {
+impl SubProblem {
     /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
-    /// circle, be it one of the others or halfway to one of them.
-    pub fn folded(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
+    /// circle, one of the others or halfway to one of them.
+    pub fn midpoint_map(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
         if self.problem.landmarks() != 4 {
             return None;
         }
-        let between = others.iter().filter_map(|other| halfway(map, other));
+        let between = others.iter().filter_map(|other| midpoint(map, other));
         let between = between.filter(|halfway| self.explains(halfway, map, noise));
         let mut maps = others.iter().cloned().chain(between);
-        maps.find(|map| self.shows(map, Kind::FourLandmarksOnACircle, noise))
+        maps.find(|map| self.has_shape(map, Kind::FourLandmarksOnACircle, noise))
     }
 }
 
-/// The map between two, the second laid over the first.
-fn halfway(one: &Map, other: &Map) -> Option<Map> {
+/// The map halfway between two, after the second has been aligned with the first.
+fn midpoint(one: &Map, other: &Map) -> Option<Map> {
     let place = |pose: &Pose<f64>| Point2::from(pose.translation.vector);
     let points = |map: &Map| {
         let views = map.poses.iter().map(move |pose| pose.as_ref().map(place));

@@ -5,7 +5,7 @@
 //! they do so modulo pi (inscribed angles). On one line all bearings of a view are alike modulo pi. In
 //! each case a map that explains the bearings modulo pi, one of many, can be written down.
 
-use super::super::shapes::normalized_map::Figure;
+use super::super::shapes::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::problem::Problem;
@@ -14,21 +14,19 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector2};
 
-/// Bearings differ from what they should be by at most this many standard deviations.
-const SURE: f64 = 4.0;
-
-/// Rounding errors of a bearing, and of a sum of two.
+/// Rounding errors of a bearing, and of a sum of two, in roundings of 1. Far below any noise.
 const ROUNDINGS: f64 = 64.0;
 
-/// Fewest landmarks of two views whose bearings tell whether they differ by a constant.
+/// Fewest landmarks of two views whose bearings tell whether they differ by a constant: two may by chance.
 const MIN_COMMON: usize = 3;
 
-/// A map of the shape that the bearings show; `noise` is their standard deviation \[rad\], 0 for exact.
+/// A map of the shape that the bearings show; `noise` is their standard deviation \[rad\], 0 for exact;
+/// they are off the shape by at most so many `sigmas`.
 ///
-/// `None` when the bearings show no such shape. Only orders of the shape are in the figure: where
-/// points are along the line or circle, and how far along their rays, is made up.
-pub fn apparent(problem: &Problem, noise: f64) -> Option<Figure> {
-    let bound = SURE * noise + ROUNDINGS * f64::EPSILON;
+/// `None` when the bearings show no such shape. The map is made up as far as the bearings leave it open: where
+/// points are along the line or circle, and how far along their rays.
+pub fn map_from_bearings(problem: &Problem, noise: f64, sigmas: f64) -> Option<NormalizedMap> {
+    let bound = sigmas * noise + ROUNDINGS * f64::EPSILON;
     on_one_line(problem, bound).or_else(|| {
         // Differences of two bearings.
         let bound = bound * core::f64::consts::SQRT_2;
@@ -74,7 +72,7 @@ fn scattered(k: usize) -> f64 {
     turned - turned.floor()
 }
 
-fn on_one_line(problem: &Problem, bound: f64) -> Option<Figure> {
+fn on_one_line(problem: &Problem, bound: f64) -> Option<NormalizedMap> {
     let mut headings = Vec::with_capacity(problem.views());
     for view in 0..problem.views() {
         let bearings: Vec<f64> = problem
@@ -86,7 +84,7 @@ fn on_one_line(problem: &Problem, bound: f64) -> Option<Figure> {
     }
     let views = problem.views();
     let along = |k: usize| Vector2::new(scattered(k), 0.0);
-    Figure::new(
+    NormalizedMap::new(
         problem,
         (0..views).map(|view| (view, along(view), headings[view])),
         (0..problem.landmarks()).map(|landmark| (landmark, along(views + landmark))),
@@ -152,7 +150,7 @@ fn differences(problem: &Problem, first: usize, view: usize) -> Vec<f64> {
 }
 
 /// Inscribed angles: at twice its bearing from any view a landmark is on the circle.
-fn on_one_circle(problem: &Problem) -> Option<Figure> {
+fn on_one_circle(problem: &Problem) -> Option<NormalizedMap> {
     let views = places(problem, PI, 2.0, 1)?;
     let mut at: Vec<Option<f64>> = vec![None; problem.landmarks()];
     for s in problem.sightings() {
@@ -163,7 +161,7 @@ fn on_one_circle(problem: &Problem) -> Option<Figure> {
         Vector2::new(z.re, z.im)
     };
     // A view at angle `c` with the heading `(c + pi) / 2 + ...` sees them so; only places matter here.
-    Figure::new(
+    NormalizedMap::new(
         problem,
         (0..problem.views()).map(|view| {
             let c = TAU * scattered(view);
@@ -176,7 +174,7 @@ fn on_one_circle(problem: &Problem) -> Option<Figure> {
 }
 
 /// One place, with landmarks anywhere along their rays, or two with any turn between them.
-fn in_few_places(problem: &Problem, places: &Places) -> Option<Figure> {
+fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     // Rays of each landmark from each place, in the frame of the first view there.
     let mut rays = vec![[None; 2]; problem.landmarks()];
     for s in problem.sightings() {
@@ -208,7 +206,7 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<Figure> {
             [None, None] => None,
         }
     };
-    Figure::new(
+    NormalizedMap::new(
         problem,
         (0..problem.views()).map(|view| {
             let place = places.of_view[view];
@@ -218,5 +216,5 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<Figure> {
     )
 }
 
-/// Turns between two places that are tried: any would do that leaves no rays parallel.
+/// Turns between two places that are tried: any will do that leaves no rays parallel.
 const TURNS: u32 = 16;

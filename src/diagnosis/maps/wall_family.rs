@@ -4,6 +4,7 @@
 //! With the wall as the real axis, `h(z) = z / (1 + c z)` moves landmarks and views, and each view turns
 //! by `-arg(1 + c p)`, for any c that changes the sign of no landmark's `1 + c x`.
 
+use super::super::options::MapOptions;
 use super::super::shapes::shape::{Shape, extent, line};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -12,20 +13,14 @@ use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2, Vector2};
 
-/// Landmarks off their line by at most this part of their extent are looked at as a wall.
-const NEARLY: f64 = 0.1;
-
-/// Members that are tried, and steps that narrow the best down.
-const MEMBERS: u32 = 64;
-/// How near to the ends of the interval of c they come: this power of e, a few thousandths.
+/// How near to the ends of the interval of c members come: by this power of 1/e, a four-hundredth.
 const NEAREST: f64 = 6.0;
+
+/// Golden sections that narrow the best down: to a hundred-millionth of the way to its neighbours.
 const STEPS: usize = 40;
 
-/// Views turn from one to the next by at most this angle \[rad\] if they are to be on a line.
-const STRAIGHT: f64 = 0.2;
-
-/// A wall and what stands before it, the wall as the real axis and its extent as the unit.
-pub struct Family {
+/// A wall and the views before it: the wall is the real axis and its extent the unit.
+pub struct WallFamily {
     middle: Vector2<f64>,
     along: Vector2<f64>,
     unit: f64,
@@ -33,17 +28,24 @@ pub struct Family {
     /// Where each landmark is on the wall: its place is the first over the second, which is 0 for one
     /// at infinity.
     landmarks: Vec<Option<(f64, f64)>>,
+    options: MapOptions,
 }
 
-impl Family {
+impl WallFamily {
     /// The family of a map whose landmarks are nearly on one line. Landmarks that the map has lost at
     /// infinity come back in other members.
-    pub fn of(problem: &Problem, map: &Map, lost: &[Undetermined]) -> Option<Self> {
+    pub fn of(
+        problem: &Problem,
+        map: &Map,
+        lost: &[Undetermined],
+        options: &MapOptions,
+    ) -> Option<Self> {
         let place = |p: &Point2<f64>| Vector2::new(p.x, p.y);
         let points: Vec<_> = map.landmarks.iter().flatten().map(place).collect();
         let unit = extent(&points);
         let off = Shape::Line.distances(&points)?;
-        if points.len() < 3 || !(unit > 0.0) || off.iter().any(|d| !(d.abs() < NEARLY * unit)) {
+        if points.len() < 3 || !(unit > 0.0) || off.iter().any(|d| !(d.abs() < options.wall * unit))
+        {
             return None;
         }
         let (middle, along) = line(&points);
@@ -83,6 +85,7 @@ impl Family {
             unit,
             views,
             landmarks,
+            options: *options,
         })
     }
 
@@ -121,10 +124,10 @@ impl Family {
         if !(low.is_finite() && high.is_finite() && low < high) {
             return None;
         }
-        // Evenly in the logarithm of the distance from either end: there are members at all scales.
+        // Evenly in the logarithm of the distance from either end, because there are members at all scales.
         let at = |t: f64| low + (high - low) / (1.0 + (-t).exp());
-        let step = 2.0 * NEAREST / f64::from(MEMBERS);
-        let all = (0..=MEMBERS).map(|k| step * f64::from(k) - NEAREST);
+        let step = 2.0 * NEAREST / f64::from(self.options.members);
+        let all = (0..=self.options.members).map(|k| step * f64::from(k) - NEAREST);
         let best = all.min_by(|a, b| cost(at(*a)).total_cmp(&cost(at(*b))))?;
         let (mut a, mut b) = (best - step, best + step);
         for _ in 0..STEPS {
@@ -171,7 +174,7 @@ impl Family {
             (squares.sum::<f64>() / (2 * m) as f64).sqrt()
         };
         let c = self.least(turn)?;
-        (turn(c) < STRAIGHT).then(|| self.map(c))
+        (turn(c) < self.options.straight).then(|| self.map(c))
     }
 
     fn map(&self, c: f64) -> Map {
@@ -239,7 +242,7 @@ mod tests {
             }
         }
         let problem = Problem::new(4, 6, &sightings).unwrap();
-        let family = Family::of(&problem, &map, &[]).unwrap();
+        let family = WallFamily::of(&problem, &map, &[], &MapOptions::default()).unwrap();
         let (low, high) = family.interval();
         for k in 1..10 {
             let member = family.map(low + (high - low) * f64::from(k) / 10.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What the sightings alone tell, before any map: counting, parts, who sees too little.
+//! What the sightings alone tell, before any map: which views and landmarks take part, and in which parts.
 
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Problem};
 use alloc::vec;
@@ -8,20 +8,30 @@ use alloc::vec::Vec;
 /// A part of a problem that its sightings connect.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Its views.
+    /// Its views, ascending.
     pub views: Vec<usize>,
-    /// Its landmarks.
+    /// Its landmarks, ascending.
     pub landmarks: Vec<usize>,
     /// Sightings between them.
     pub sightings: usize,
-    /// How many directions of the whole odometry and priors leave free, 4 without them; and how many
-    /// numbers they give.
+    /// How many directions of the gauge odometry and priors leave free, 4 without them; and how many numbers they
+    /// give.
     pub ties: (usize, usize),
 }
 
 impl Part {
-    /// Sightings less unknowns, but for the four of the gauge, (T20). Negative: minus so many directions
-    /// are free, whatever the geometry.
+    /// All views and landmarks of a problem.
+    pub(crate) fn whole(problem: &Problem) -> Self {
+        Self {
+            views: (0..problem.views()).collect(),
+            landmarks: (0..problem.landmarks()).collect(),
+            sightings: problem.sightings().len(),
+            ties: (4, 0),
+        }
+    }
+
+    /// Redundancy: sightings less unknowns, where the free directions of the gauge are no unknowns, (T20). If it is
+    /// negative, at least so many directions are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
         let (free, numbers) = self.ties;
@@ -31,7 +41,7 @@ impl Part {
     }
 }
 
-/// Who takes part: those with enough sightings of each other.
+/// Views and landmarks with enough sightings of each other to take part.
 pub struct Core {
     /// For each view, whether it sees three landmarks of the core.
     pub views: Vec<bool>,
@@ -40,7 +50,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Drops who sees or is seen too little, until nobody is left who does.
+    /// Drops views and landmarks of too few sightings, until none is left.
     pub fn of(problem: &Problem) -> Self {
         let mut core = Self {
             views: vec![true; problem.views()],
@@ -122,35 +132,35 @@ impl Core {
     }
 }
 
-/// What linear steps can tie together, from the three views that share most landmarks: landmarks that
-/// two tied views see, and views that see three tied landmarks.
-pub fn tied(problem: &Problem, seed: [usize; 3]) -> Core {
-    let mut tied = Core {
+/// What linear steps can reach from three views: landmarks that two reached views see, and views that see three
+/// reached landmarks.
+pub fn reached(problem: &Problem, triple: [usize; 3]) -> Core {
+    let mut reached = Core {
         views: vec![false; problem.views()],
         landmarks: vec![false; problem.landmarks()],
     };
-    for view in seed {
-        tied.views[view] = true;
+    for view in triple {
+        reached.views[view] = true;
     }
     loop {
         let mut grown = false;
         for landmark in 0..problem.landmarks() {
             let seen = problem.of_landmark(landmark).iter();
             let count = seen
-                .filter(|&&k| tied.views[problem.sightings()[k].view])
+                .filter(|&&k| reached.views[problem.sightings()[k].view])
                 .count();
-            tied.landmarks[landmark] |= count >= MIN_VIEWS_OF_LANDMARK;
+            reached.landmarks[landmark] |= count >= MIN_VIEWS_OF_LANDMARK;
         }
         for view in 0..problem.views() {
             let seen = problem.of_view(view).iter();
-            let count = seen.filter(|s| tied.landmarks[s.landmark]).count();
-            if !tied.views[view] && count >= MIN_LANDMARKS_OF_VIEW {
-                tied.views[view] = true;
+            let count = seen.filter(|s| reached.landmarks[s.landmark]).count();
+            if !reached.views[view] && count >= MIN_LANDMARKS_OF_VIEW {
+                reached.views[view] = true;
                 grown = true;
             }
         }
         if !grown {
-            return tied;
+            return reached;
         }
     }
 }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Findings that need no map: too little of something.
 
-use super::super::describe::finding;
 use super::super::finding::{Finding, Kind, Severity};
-use super::super::words::{both, count, list};
+use super::super::sentences::{Case, both, count, finding_in};
 use super::components::{Core, Part};
 use crate::problem::{Problem, Subject};
 use alloc::format;
+use alloc::string::ToString;
 use alloc::vec::Vec;
 
 /// Directions that are free because there are fewer sightings than unknowns.
@@ -18,115 +18,86 @@ pub fn missing(part: &Part) -> usize {
 pub fn too_little(part: &Part) -> Option<Finding> {
     let (m, n) = (part.views.len(), part.landmarks.len());
     let lack = missing(part);
-    let (kind, message, advice) = if m <= 2 {
+    let (kind, facts) = if m <= 2 {
+        let few = match part.views[..] {
+            [] => "no views".into(),
+            [only] => format!("one view ({only})"),
+            [first, second, ..] => format!("two views ({first} and {second})"),
+        };
+        let missing = count(3 - m, "view");
         (
             Kind::TwoViews,
-            format!(
-                "{} never determine a map, however many landmarks they see",
-                match m {
-                    0 => "no views".into(),
-                    1 => format!("one view ({})", part.views[0]),
-                    _ => format!("two views ({} and {})", part.views[0], part.views[1]),
-                }
-            ),
-            format!(
-                "Add {} from another place, so that three views see the same five landmarks.",
-                count(3 - m, "view")
-            ),
+            Vec::from([("few views", few), ("missing", missing)]),
         )
     } else if n <= 3 {
+        let missing = if m == 3 {
+            count(5 - n, "landmark") + " that all three views see"
+        } else {
+            count(4 - n, "landmark")
+                + ", not all on one circle with the others, that four views see"
+        };
+        let few = count(n, "landmark");
         (
             Kind::TooFewLandmarks,
-            format!(
-                "{} never determine a map, however many views see them",
-                count(n, "landmark")
-            ),
-            if m == 3 {
-                format!("Add {} that all three views see.", count(5 - n, "landmark"))
-            } else {
-                format!(
-                    "Add {}, not all on one circle with the others, that four views see.",
-                    count(4 - n, "landmark")
-                )
-            },
+            Vec::from([("few landmarks", few), ("missing", missing)]),
         )
     } else if lack > 0 {
         let unknowns = 3 * m + 2 * n - 4;
         (
             Kind::Counting,
-            format!(
-                "{} are fewer than the {unknowns} unknowns of {m} views and {n} landmarks (three a view, two a \
-                 landmark, less four)",
-                count(part.sightings, "sighting"),
-            ),
-            format!(
-                "Add at least {} between them; a further landmark counts for the sightings beyond two, \
-                 a further view for those beyond three.",
-                count(lack, "sighting")
-            ),
+            Vec::from([
+                ("seen", count(part.sightings, "sighting")),
+                ("unknowns", unknowns.to_string()),
+                ("count views", m.to_string()),
+                ("count landmarks", n.to_string()),
+            ]),
         )
     } else {
         return None;
     };
-    Some(finding(
+    let subjects = (part.views.clone(), part.landmarks.clone());
+    let severity = Severity::Error;
+    Some(finding_in(
+        Case::Usual,
         kind,
-        Severity::Error,
-        part.views.clone(),
-        part.landmarks.clone(),
+        severity,
+        subjects,
         lack,
-        &message,
-        &advice,
+        &facts,
     ))
 }
 
 /// Views and landmarks with too few sightings of each other to take part.
 pub fn outside(problem: &Problem, core: &Core) -> Option<Finding> {
-    let pick = |inside: &[bool], seen: &dyn Fn(usize) -> usize| -> Vec<usize> {
-        (0..inside.len())
-            .filter(|&k| !inside[k] && seen(k) > 0)
-            .collect()
+    let outside = |inside: &[bool], seen: &dyn Fn(usize) -> usize| -> Vec<usize> {
+        let all = 0..inside.len();
+        all.filter(|&k| !inside[k] && seen(k) > 0).collect()
     };
-    let views = pick(&core.views, &|view| problem.of_view(view).len());
-    let landmarks = pick(&core.landmarks, &|landmark| {
-        problem.of_landmark(landmark).len()
-    });
-    (views.len() + landmarks.len() > 0).then(|| {
-        finding(
-            Kind::TooFewSightings,
-            Severity::Error,
-            views.clone(),
-            landmarks.clone(),
-            0,
-            &format!(
-                "{} have too few sightings to be placed",
-                both(&views, &landmarks)
-            ),
-            "A view needs three landmarks that are placed, a landmark two views.",
-        )
-    })
+    let subjects = (
+        outside(&core.views, &|k| problem.of_view(k).len()),
+        outside(&core.landmarks, &|k| problem.of_landmark(k).len()),
+    );
+    concerning(
+        Case::Usual,
+        Kind::TooFewSightings,
+        Severity::Error,
+        subjects,
+    )
 }
 
 /// Views and landmarks without any sighting, but those that something else has `placed`.
 pub fn unseen(problem: &Problem, placed: &dyn Fn(Subject) -> bool) -> Option<Finding> {
-    let views: Vec<usize> = (0..problem.views())
-        .filter(|&view| problem.of_view(view).is_empty() && !placed(Subject::View(view)))
-        .collect();
-    let landmarks: Vec<usize> = (0..problem.landmarks())
-        .filter(|&landmark| {
-            problem.of_landmark(landmark).is_empty() && !placed(Subject::Landmark(landmark))
-        })
-        .collect();
-    (views.len() + landmarks.len() > 0).then(|| {
-        finding(
-            Kind::TooFewSightings,
-            Severity::Error,
-            views.clone(),
-            landmarks.clone(),
-            0,
-            &format!("{} have no sightings at all", both(&views, &landmarks)),
-            "A view needs three landmarks that are placed, a landmark two views.",
-        )
-    })
+    let views = (0..problem.views())
+        .filter(|&k| problem.of_view(k).is_empty() && !placed(Subject::View(k)));
+    let landmarks = (0..problem.landmarks())
+        .filter(|&k| problem.of_landmark(k).is_empty() && !placed(Subject::Landmark(k)));
+    let subjects = (views.collect(), landmarks.collect());
+    concerning(
+        Case::Unseen,
+        Kind::TooFewSightings,
+        Severity::Error,
+        subjects,
+    )
 }
 
 /// Parts that share nothing.
@@ -134,70 +105,62 @@ pub fn apart(parts: &[Part]) -> Option<Finding> {
     let [first, others @ ..] = parts else {
         return None;
     };
-    let views: Vec<usize> = others.iter().flat_map(|part| part.views.clone()).collect();
-    let landmarks: Vec<usize> = others
+    if others.is_empty() {
+        return None;
+    }
+    let mut views: Vec<usize> = others.iter().flat_map(|part| part.views.clone()).collect();
+    let mut landmarks: Vec<usize> = others
         .iter()
         .flat_map(|part| part.landmarks.clone())
         .collect();
-    (!others.is_empty()).then(|| {
-        let mut sorted = (views, landmarks);
-        sorted.0.sort_unstable();
-        sorted.1.sort_unstable();
-        finding(
-            Kind::Disconnected,
-            Severity::Error,
-            sorted.0.clone(),
-            sorted.1.clone(),
-            4 * others.len(),
-            &format!(
-                "the sightings fall into {} parts that nothing ties together: {}, and apart from them {}",
-                parts.len(),
-                both(&first.views, &first.landmarks),
-                both(&sorted.0, &sorted.1)
-            ),
-            "Each further part needs four sightings between it and the others, or three landmarks of \
-             the others that one of its views sees.",
-        )
-    })
+    views.sort_unstable();
+    landmarks.sort_unstable();
+    Some(finding_in(
+        Case::Usual,
+        Kind::Disconnected,
+        Severity::Error,
+        (views, landmarks),
+        // Each part has a gauge of its own.
+        4 * others.len(),
+        &[
+            ("parts", parts.len().to_string()),
+            ("first", both(&first.views, &first.landmarks)),
+        ],
+    ))
 }
 
-/// Views and landmarks of a part that linear steps do not tie to the rest.
-pub fn untied(part: &Part, tied: Option<&Core>) -> Option<Finding> {
-    let Some(tied) = tied else {
-        return Some(finding(
-            Kind::Unreached,
-            Severity::Error,
-            part.views.clone(),
-            part.landmarks.clone(),
-            0,
-            &format!(
-                "no three of {} see the same four landmarks, so there is nothing to start a map from",
-                list("view", &part.views)
-            ),
-            "Let three views see the same five landmarks.",
-        ));
+/// Views and landmarks of a part that linear steps cannot reach from the best triple of views; all of them
+/// when there is no such triple.
+pub fn out_of_reach(part: &Part, reached: Option<&Core>) -> Option<Finding> {
+    let Some(reached) = reached else {
+        let subjects = (part.views.clone(), part.landmarks.clone());
+        return concerning(Case::NoStart, Kind::Unreached, Severity::Error, subjects);
     };
-    let views: Vec<usize> = (0..part.views.len())
-        .filter(|&k| !tied.views[k])
-        .map(|k| part.views[k])
-        .collect();
-    let landmarks: Vec<usize> = (0..part.landmarks.len())
-        .filter(|&k| !tied.landmarks[k])
-        .map(|k| part.landmarks[k])
-        .collect();
-    (views.len() + landmarks.len() > 0).then(|| {
-        finding(
-            Kind::Unreached,
-            Severity::Warning,
-            views.clone(),
-            landmarks.clone(),
-            0,
-            &format!(
-                "{} cannot be tied to the largest part step by step: no view of them sees three of its \
-                 landmarks",
-                both(&views, &landmarks)
-            ),
-            "Let one of these views see three landmarks that two views of the largest part see.",
-        )
-    })
+    let rest = |inside: &[bool], numbers: &[usize]| -> Vec<usize> {
+        let all = inside.iter().zip(numbers);
+        all.filter(|(inside, _)| !**inside)
+            .map(|(_, &k)| k)
+            .collect()
+    };
+    let subjects = (
+        rest(&reached.views, &part.views),
+        rest(&reached.landmarks, &part.landmarks),
+    );
+    concerning(
+        Case::OutOfReach,
+        Kind::Unreached,
+        Severity::Warning,
+        subjects,
+    )
+}
+
+/// A finding about some views and landmarks; `None` of none.
+pub fn concerning(
+    case: Case,
+    kind: Kind,
+    severity: Severity,
+    subjects: (Vec<usize>, Vec<usize>),
+) -> Option<Finding> {
+    let some = subjects.0.len() + subjects.1.len() > 0;
+    some.then(|| finding_in(case, kind, severity, subjects, 0, &[]))
 }

@@ -1,37 +1,29 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! A part of a problem as a problem of its own: its noise, and what maps of it tell.
 
-use super::super::finding::Kind;
+use super::super::finding::{Kind, apart};
+use super::super::options::DiagnosisOptions;
 use super::super::shapes::examine::{Examination, examine};
-use super::super::shapes::normalized_map::Figure;
+use super::super::shapes::normalized_map::NormalizedMap;
 use super::components::Part;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A part with its own numbers.
-pub struct Own {
+/// A part with indices of its own.
+pub struct SubProblem {
     pub problem: Problem,
-    /// Who it is in the whole problem.
+    /// What its views and landmarks are in the whole problem.
     pub part: Part,
+    pub options: DiagnosisOptions,
 }
 
-/// A map explains the bearings as well as another when its residuals are at most so many times as large.
-const AS_GOOD: f64 = 3.0;
-
-/// Steps that a member of a family gets, and their first damping.
-const SETTLING: usize = 4;
-const SETTLING_DAMPING: f64 = 1e-2;
-
-/// Rays are parallel when they differ by at most so many standard deviations of a bearing: four of a
-/// difference of two.
-const PARALLEL: f64 = 6.0;
-
-impl Own {
-    pub fn new(problem: &Problem, part: &Part) -> Self {
+impl SubProblem {
+    pub fn new(problem: &Problem, part: &Part, options: &DiagnosisOptions) -> Self {
         let mut views = vec![false; problem.views()];
         let mut landmarks = vec![false; problem.landmarks()];
         part.views.iter().for_each(|&view| views[view] = true);
@@ -41,6 +33,7 @@ impl Own {
         Self {
             problem: problem.restrict(&views, &landmarks).on_its_own(),
             part: part.clone(),
+            options: *options,
         }
     }
 
@@ -54,6 +47,23 @@ impl Own {
         }
     }
 
+    /// All of a problem, with its odometry and priors.
+    pub fn whole(problem: &Problem, options: &DiagnosisOptions) -> Self {
+        Self {
+            problem: problem.clone(),
+            part: Part::whole(problem),
+            options: *options,
+        }
+    }
+
+    /// Views and landmarks as the whole problem numbers them, each in order and once.
+    pub fn outer_all(
+        &self,
+        subjects: impl IntoIterator<Item = Subject>,
+    ) -> (Vec<usize>, Vec<usize>) {
+        apart(subjects.into_iter().map(|subject| self.outer(subject)))
+    }
+
     /// A subject as the whole problem numbers it.
     pub fn outer(&self, subject: Subject) -> Subject {
         match subject {
@@ -62,9 +72,9 @@ impl Own {
         }
     }
 
-    /// Root mean square of the residuals of a map, and the standard deviation of the bearings that they
-    /// tell \[rad\]; without freedom to tell it, that they are at least as large as what is left.
-    pub fn spread(&self, map: &Map) -> (f64, f64) {
+    /// Root mean square of the residuals of a map \[rad\], and the standard deviation of a bearing \[rad\] that follows:
+    /// by the degrees of freedom, or where there are none the root mean square itself, which is then a lower bound.
+    pub fn rms_and_noise(&self, map: &Map) -> (f64, f64) {
         let weight = self.mean_weight();
         let (mut squares, mut count) = (0.0, 0.0);
         let seen = self.problem.sightings().iter();
@@ -102,12 +112,12 @@ impl Own {
         (squares.sum::<f64>() / seen.len().max(1) as f64).sqrt()
     }
 
-    /// A member of a family after a few steps of refinement, strongly damped so that it stays where it is
-    /// in the family; `None` when it does not explain the bearings as a known map does.
-    pub fn settled(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
+    /// A member of a family after a few iterations of refinement, strongly damped so that it does not move along the
+    /// family; `None` when it does not explain the bearings as well as a known map.
+    pub fn refine_member(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
         let options = RefineOptions {
-            max_iterations: SETTLING,
-            damping: SETTLING_DAMPING,
+            max_iterations: self.options.maps.member_iterations,
+            damping: self.options.maps.member_damping,
             ..RefineOptions::default()
         };
         let mut map = member;
@@ -115,27 +125,28 @@ impl Own {
         self.explains(&map, known, noise).then_some(map)
     }
 
-    /// Whether a map explains the bearings as a known one does, or as well as the noise lets expect.
+    /// Whether a map explains the bearings as well as a known one, or as the noise predicts.
     pub fn explains(&self, map: &Map, known: &Map, noise: f64) -> bool {
-        let bound = AS_GOOD * f64::max(self.spread(known).0, noise);
-        self.spread(map).0 <= bound + f64::EPSILON.sqrt()
+        let bound = self.options.maps.as_good * f64::max(self.rms_and_noise(known).0, noise);
+        self.rms_and_noise(map).0 <= bound + f64::EPSILON.sqrt()
     }
 
-    /// What a map tells.
+    /// A map examined by its singular values; `None` when it has no size or is too large.
     pub fn examined(&self, map: &Map, noise: f64) -> Option<Examination> {
-        Figure::of_map(&self.problem, map).and_then(|figure| examine(&figure, noise))
+        NormalizedMap::of_map(&self.problem, map)
+            .and_then(|normalized| examine(&normalized, noise, &self.options.shapes))
     }
 
-    /// Whether a map has a shape that leaves directions free.
-    pub fn shows(&self, map: &Map, kind: Kind, noise: f64) -> bool {
+    /// Whether a map has the shape of this kind, and it leaves directions free.
+    pub fn has_shape(&self, map: &Map, kind: Kind, noise: f64) -> bool {
         let found = self.examined(map, noise);
         found.is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
     }
 
-    /// The landmarks that a given map has no place for though its views see them, in directions that are
-    /// parallel within the noise.
+    /// The landmarks at infinity of a given map: it has no position for them, and their rays are parallel within the
+    /// noise.
     pub fn infinite(&self, map: &Map, noise: f64) -> Vec<Undetermined> {
-        let bound = PARALLEL * noise + f64::EPSILON.sqrt();
+        let bound = self.options.maps.parallel * noise + f64::EPSILON.sqrt();
         let parallel = |landmark: usize| {
             let rays: Vec<_> = map
                 .rays(&self.problem, landmark)

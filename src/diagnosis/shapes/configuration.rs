@@ -2,7 +2,8 @@
 //! Shapes of a map that leave directions free, and whether a map has them.
 
 use super::super::finding::Kind;
-use super::normalized_map::Figure;
+use super::super::options::ShapeOptions;
+use super::normalized_map::NormalizedMap;
 use super::shape::{Shape, extent};
 use super::spectrum::Spectrum;
 #[cfg(not(feature = "std"))]
@@ -19,29 +20,18 @@ pub struct Configuration {
     pub shapes: Vec<(Shape, Vec<usize>)>,
 }
 
-/// Points are off a shape, all together, by at most this many predicted standard deviations more than
-/// the root of their number.
-const SURE: f64 = 4.0;
-
-/// Points are off a shape by at most this part of their units, whatever the noise: beyond that it is not
-/// the shape that makes them weak.
-const NEARLY: f64 = 0.1;
-
-/// Exact maps are on a shape up to so many roots of the rounding: where two solutions merge, positions
-/// come with half the digits.
+/// Exact maps are on a shape up to so many roots of the rounding: where two solutions merge, positions come with half
+/// the digits. A millionth of the map, far below any noise.
 const ROOTS: f64 = 64.0;
 
-/// Step of the difference quotient of the distances, in sizes of the map.
+/// Step of the central difference of the distances, in sizes of the map: near the cube root of the rounding, where
+/// the errors of truncation and rounding are about equal.
 const STEP: f64 = 1e-6;
 
-/// How far points are moved to see what a shape brings by itself, in sizes of the map: far enough that
-/// other shapes are gone, and little enough that the map is still of the same kind.
-const JITTER: f64 = 0.03;
-
 impl Configuration {
-    /// The configurations that concern a whole map, those that ask most of it first.
-    pub fn of_all(figure: &Figure) -> Vec<Self> {
-        let (m, n) = (figure.views.len(), figure.landmarks.len());
+    /// The configurations that concern a whole map, the most special first.
+    pub fn of_all(map: &NormalizedMap, options: &ShapeOptions) -> Vec<Self> {
+        let (m, n) = (map.views.len(), map.landmarks.len());
         let views: Vec<usize> = (0..m).collect();
         let landmarks: Vec<usize> = (m..m + n).collect();
         let all: Vec<usize> = (0..m + n).collect();
@@ -58,12 +48,12 @@ impl Configuration {
             one(Kind::EverythingOnOneLine, Shape::Line, &all),
             one(circle, Shape::Circle, &all),
         ];
-        let close = close_views(figure).into_iter();
+        let close = close_views(map, options.nearly).into_iter();
         found.extend(close.map(|shapes| Self {
             kind: Kind::CoincidentViews,
             shapes,
         }));
-        // Three views of a wall often are on a line in some member of the family, and mean nothing by it.
+        // In some member of the family of a wall three views are often on a line, which says nothing.
         if m > 3 {
             found.push(Self {
                 kind: Kind::LinesOfViewsAndOfLandmarks,
@@ -84,10 +74,10 @@ impl Configuration {
     }
 
     /// The configurations that leave a single point free.
-    pub fn of_point(figure: &Figure, point: usize) -> Self {
-        let mut points = figure.neighbours(point);
+    pub fn of_point(map: &NormalizedMap, point: usize) -> Self {
+        let mut points = map.neighbours(point);
         points.push(point);
-        let (kind, shape) = if point < figure.views.len() {
+        let (kind, shape) = if point < map.views.len() {
             (Kind::ViewOnCircleOfLandmarks, Shape::Circle)
         } else {
             (Kind::LandmarkOnLineOfViews, Shape::Line)
@@ -107,16 +97,22 @@ impl Configuration {
 
     /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
     /// have made of it, but for the directions that are free anyway.
-    pub fn fits(&self, figure: &Figure, spectrum: &Spectrum, noise: f64) -> bool {
-        let exact = ROOTS * figure.rounding.sqrt();
-        let Some(off) = self.distances(&figure.points) else {
+    pub fn fits(
+        &self,
+        map: &NormalizedMap,
+        spectrum: &Spectrum,
+        noise: f64,
+        options: &ShapeOptions,
+    ) -> bool {
+        let exact = ROOTS * map.rounding.sqrt();
+        let Some(off) = self.distances(&map.points) else {
             return false;
         };
-        let unit = self.measures(figure);
+        let unit = self.measures(map);
         if off
             .iter()
             .zip(&unit)
-            .any(|(d, unit)| !(d.abs() <= NEARLY * unit))
+            .any(|(d, unit)| !(d.abs() <= options.nearly * unit))
         {
             return false;
         }
@@ -133,9 +129,9 @@ impl Configuration {
             unit.iter().map(|unit| (exact * unit) * (exact * unit)),
         ));
         for k in spectrum.free()..spectrum.values.len() {
-            let moves = spectrum.moves(figure, k);
+            let moves = spectrum.moves(map, k);
             let moved = |step: f64| -> Option<DVector<f64>> {
-                let points = figure.points.iter().zip(&moves).map(|(p, d)| p + d * step);
+                let points = map.points.iter().zip(&moves).map(|(p, d)| p + d * step);
                 self.distances(&points.collect::<Vec<_>>())
                     .map(DVector::from_vec)
             };
@@ -157,22 +153,21 @@ impl Configuration {
             .map(|(shape, _)| shape.parameters())
             .sum();
         let expected = (count.saturating_sub(taken) as f64).sqrt();
-        // Where two solutions merge the offset grows with the root of the noise, which doubles it in this
-        // measure.
-        let folded = matches!(
+        // Where two solutions merge the offset grows with the root of the noise, which doubles it in this measure.
+        let merging = matches!(
             self.kind,
             Kind::ThreeCollinearViews | Kind::FourLandmarksOnACircle
         );
-        distance <= expected + if folded { 2.0 * SURE } else { SURE }
+        distance <= expected + options.sigmas * if merging { 2.0 } else { 1.0 }
     }
 
-    /// What each distance is measured by: the unit of its point, or the extent of the shape where that is
-    /// less, for points in one place are on any line.
-    fn measures(&self, figure: &Figure) -> Vec<f64> {
-        let units = figure.units();
+    /// What each distance is measured by: the unit of its point, or the extent of the shape where that is less,
+    /// because points in one place are on any line.
+    fn measures(&self, map: &NormalizedMap) -> Vec<f64> {
+        let units = map.units();
         let mut all = Vec::new();
         for (shape, members) in &self.shapes {
-            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
+            let own: Vec<_> = members.iter().map(|&p| map.points[p]).collect();
             let (each, most) = match shape {
                 Shape::Place => (2, f64::INFINITY),
                 Shape::Line | Shape::Circle => (1, extent(&own)),
@@ -193,40 +188,45 @@ impl Configuration {
         Some(all)
     }
 
-    /// The figure with its points moved onto the shapes.
-    pub fn snapped(&self, figure: &Figure) -> Option<Figure> {
-        let mut figure = figure.clone();
+    /// The map with its points moved onto the shapes.
+    pub fn projected(&self, map: &NormalizedMap) -> Option<NormalizedMap> {
+        let mut map = map.clone();
         for (shape, members) in &self.shapes {
-            let own: Vec<_> = members.iter().map(|&p| figure.points[p]).collect();
-            for (&member, place) in members.iter().zip(shape.snap(&own)?) {
-                figure.points[member] = place;
+            let own: Vec<_> = members.iter().map(|&p| map.points[p]).collect();
+            for (&member, place) in members.iter().zip(shape.project(&own)?) {
+                map.points[member] = place;
             }
         }
-        figure.rounding = f64::EPSILON;
-        Some(figure)
+        map.rounding = f64::EPSILON;
+        Some(map)
     }
 
-    /// How many directions the configuration leaves free by itself: those of a map of this shape which is
-    /// generic otherwise, less those of a generic map.
-    pub fn brings(&self, generic: &Figure, structural: usize) -> usize {
-        self.snapped(generic)
-            .and_then(|figure| Spectrum::of(&figure))
+    /// How many directions the configuration leaves free by itself: those of a map of this shape that is generic
+    /// otherwise, less those that are free in any map with these sightings.
+    pub fn freedom_added(
+        &self,
+        generic: &NormalizedMap,
+        structural: usize,
+        options: &ShapeOptions,
+    ) -> usize {
+        self.projected(generic)
+            .and_then(|map| Spectrum::of(&map, options))
             .map_or(0, |spectrum| spectrum.free().saturating_sub(structural))
     }
 }
 
-/// The figure with all points moved a little, so that no shape is left in it.
-pub fn generic(figure: &Figure) -> Figure {
-    let mut figure = figure.clone();
-    let units = figure.units();
-    for (k, point) in figure.points.iter_mut().enumerate() {
-        *point += scattered(k) * (JITTER * units[k]);
+/// The map with all points moved a little, so that no shape is left in it.
+pub fn generic(map: &NormalizedMap, options: &ShapeOptions) -> NormalizedMap {
+    let mut map = map.clone();
+    let units = map.units();
+    for (k, point) in map.points.iter_mut().enumerate() {
+        *point += scattered(k) * (options.jitter * units[k]);
     }
-    figure.rounding = f64::EPSILON;
-    figure
+    map.rounding = f64::EPSILON;
+    map
 }
 
-/// Vectors in the square from -1 to 1 without pattern: a sequence of low discrepancy.
+/// Vectors in the square from -1 to 1 without a pattern: a sequence of low discrepancy.
 fn scattered(k: usize) -> Vector2<f64> {
     // Powers of the inverse plastic number, the golden ratio of two dimensions.
     let at = |step: f64| {
@@ -238,9 +238,9 @@ fn scattered(k: usize) -> Vector2<f64> {
 
 /// Sets of views that may be in one place: the two sets that leave at most two places altogether, and for
 /// three views each pair.
-fn close_views(figure: &Figure) -> Vec<Vec<(Shape, Vec<usize>)>> {
-    let views = figure.views.len();
-    let near = |i: usize, j: usize| (figure.points[i] - figure.points[j]).norm() < NEARLY;
+fn close_views(map: &NormalizedMap, nearly: f64) -> Vec<Vec<(Shape, Vec<usize>)>> {
+    let views = map.views.len();
+    let near = |i: usize, j: usize| (map.points[i] - map.points[j]).norm() < nearly;
     let mut sets: Vec<Vec<usize>> = Vec::new();
     for view in 0..views {
         match sets.iter_mut().find(|set| near(set[0], view)) {

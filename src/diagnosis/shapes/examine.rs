@@ -1,35 +1,20 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From a map to the directions that the bearings do not hold, and what makes them free.
+//! From a map to the directions that the bearings leave free or hold weakly, and the shapes that explain them.
 
 use super::super::finding::Kind;
+use super::super::options::ShapeOptions;
 use super::configuration::{Configuration, generic};
-use super::moving_points::movers;
-use super::normalized_map::Figure;
+use super::moving_points::moving_points;
+use super::normalized_map::NormalizedMap;
 use super::shape::Shape;
 use super::spectrum::{Spectrum, place};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::uncertainty::WeakDirection;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A direction of a map that the bearings hold weakly or not at all.
-pub struct Direction {
-    /// Its place in the spectrum.
-    pub index: usize,
-    /// Whether it is free, up to rounding.
-    pub free: bool,
-    /// Predicted standard deviation of the map along it: root mean square over the points, each in its
-    /// units.
-    pub deviation: f64,
-    /// The same of the point that moves most.
-    pub largest: f64,
-    /// Points and their shares of the squared moves, largest first.
-    pub movers: Vec<(usize, f64)>,
-    /// The cause that explains it.
-    pub cause: Option<usize>,
-}
-
-/// What makes directions free.
+/// A shape that leaves directions free.
 pub struct Cause {
     pub kind: Kind,
     /// The points that it concerns.
@@ -38,72 +23,65 @@ pub struct Cause {
     pub directions: usize,
 }
 
-/// What a map tells.
+/// What examining a map has found.
 pub struct Examination {
     pub spectrum: Spectrum,
-    pub directions: Vec<Direction>,
+    /// The free and the weak ones. Subjects are those of the map's problem, and the cause is one of `causes`.
+    pub directions: Vec<WeakDirection<usize>>,
+    /// The place of each in the spectrum.
+    indices: Vec<usize>,
     pub causes: Vec<Cause>,
     /// Directions that are free in any map with these sightings.
     pub structural: usize,
+    options: ShapeOptions,
 }
-
-/// A direction is weak when the predicted standard deviation of the map along it exceeds this share of its
-/// size, as [`Reconstruction::uncertainty`](crate::Reconstruction::uncertainty): beyond it the
-/// linearisation that predicts it is worth little.
-pub const WEAK: f64 = 0.2;
-
-/// A direction is weak, too, when that of one point exceeds this share of its units: half of the size of
-/// the map, or of its distance from those who see it.
-pub const LOOSE: f64 = 0.5;
-
-/// A cause explains a direction when this share of its square lies in the directions that the cause leaves
-/// free: more than half of it.
-const EXPLAINED: f64 = 0.5;
-
-/// Noise \[rad\] beyond which a map is no evidence of shapes.
-const MAX_NOISE: f64 = 0.1;
-
-/// Most rounds: each finds one cause.
-const ROUNDS: usize = 8;
 
 /// Names the free and weak directions of a map for bearings of this standard deviation \[rad\]; `None`
 /// when its spectrum cannot be had.
-pub fn examine(figure: &Figure, noise: f64) -> Option<Examination> {
-    let spectrum = Spectrum::of(figure)?;
-    let noise = noise.max(4.0 * figure.rounding);
-    let directions = open_directions(figure, &spectrum, noise);
+pub fn examine(map: &NormalizedMap, noise: f64, options: &ShapeOptions) -> Option<Examination> {
+    let spectrum = Spectrum::of(map, options)?;
+    let noise = noise.max(4.0 * map.rounding);
+    let (indices, directions) = open_directions(map, &spectrum, noise, options);
     let mut found = Examination {
         spectrum,
         directions,
+        indices,
+        options: *options,
         causes: Vec::new(),
         structural: 0,
     };
-    // Shapes are only worth a look when something is free or they are there.
-    let all: Vec<_> = Configuration::of_all(figure)
+    // There is nothing to explain when all directions are firm and the map has no shape.
+    let all: Vec<_> = Configuration::of_all(map, options)
         .into_iter()
-        .filter(|configuration| configuration.fits(figure, &found.spectrum, noise))
+        .filter(|configuration| configuration.fits(map, &found.spectrum, noise, options))
         .collect();
     if found.directions.is_empty() && all.is_empty() {
         return Some(found);
     }
-    let generic = generic(figure);
-    found.structural = Spectrum::of(&generic)?.free();
-    if noise < MAX_NOISE {
-        found.name_whole(figure, &generic, noise, &all);
-        found.name_points(figure, &generic, noise);
+    let generic = generic(map, options);
+    found.structural = Spectrum::of(&generic, options)?.free();
+    if noise < options.max_noise {
+        found.name_whole(map, &generic, noise, &all);
+        found.name_points(map, &generic, noise);
     }
     Some(found)
 }
 
-fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Direction> {
+/// The free and the weak directions, and their places in the spectrum.
+fn open_directions(
+    map: &NormalizedMap,
+    spectrum: &Spectrum,
+    noise: f64,
+    options: &ShapeOptions,
+) -> (Vec<usize>, Vec<WeakDirection<usize>>) {
     let free = spectrum.free();
-    let views = figure.views.len();
-    let count = figure.points.len() as f64;
-    let mut found = Vec::new();
+    let views = map.views.len();
+    let count = map.points.len() as f64;
+    let (mut indices, mut found) = (Vec::new(), Vec::new());
     for index in 0..spectrum.values.len() {
         let deviation = spectrum.deviation(index, noise);
         let column = spectrum.directions.column(index);
-        let squares = (0..figure.points.len()).map(|point| {
+        let squares = (0..map.points.len()).map(|point| {
             let k = place(views, point);
             column[k] * column[k] + column[k + 1] * column[k + 1]
         });
@@ -112,54 +90,69 @@ fn open_directions(figure: &Figure, spectrum: &Spectrum, noise: f64) -> Vec<Dire
         });
         let mean = deviation * (sum / count).sqrt();
         let one = deviation * most.sqrt();
-        if index < free || mean > WEAK || one > LOOSE {
-            found.push(Direction {
-                index,
+        if index < free || options.is_weak(mean, one) {
+            let movers = moving_points(map, &spectrum.moves(map, index)).into_iter();
+            indices.push(index);
+            found.push(WeakDirection {
                 free: index < free,
+                singular_value: spectrum.values[index] / spectrum.scale,
                 deviation: if index < free { f64::INFINITY } else { mean },
                 largest: if index < free { f64::INFINITY } else { one },
-                movers: movers(figure, &spectrum.moves(figure, index)),
+                movers: movers
+                    .map(|(point, share)| (map.subject(point), share))
+                    .collect(),
                 cause: None,
             });
         }
     }
-    found
+    (indices, found)
 }
 
 impl Examination {
     /// Looks for the configurations that concern the whole map.
-    fn name_whole(&mut self, figure: &Figure, generic: &Figure, noise: f64, all: &[Configuration]) {
-        let mut snapped = figure.clone();
+    fn name_whole(
+        &mut self,
+        map: &NormalizedMap,
+        generic: &NormalizedMap,
+        noise: f64,
+        all: &[Configuration],
+    ) {
+        let mut projected = map.clone();
         for configuration in all {
             let named: usize = self.causes.iter().map(|cause| cause.directions).sum();
             let free = self.spectrum.free();
-            // With exact bearings there is no more to name than what is free.
+            // All that is free has been explained.
             if !self.causes.is_empty() && named + self.structural >= free {
                 return;
             }
-            if !configuration.fits(&snapped, &self.spectrum, noise) {
+            if !configuration.fits(&projected, &self.spectrum, noise, &self.options) {
                 continue;
             }
-            let directions = configuration.brings(generic, self.structural);
+            let directions = configuration.freedom_added(generic, self.structural, &self.options);
             if directions == 0 {
                 continue;
             }
-            let Some(next) = configuration.snapped(&snapped) else {
+            let Some(next) = configuration.projected(&projected) else {
                 continue;
             };
-            snapped = next;
-            self.accept(configuration, directions, &snapped);
+            projected = next;
+            self.accept(configuration, directions, &projected);
         }
     }
 
-    /// Whether a direction has no explanation yet, apart from those that any map has.
+    /// Whether there are more unexplained directions than any map with these sightings has.
     fn is_open(&self) -> bool {
         let open = self.directions.iter().filter(|d| d.cause.is_none()).count();
         open > self.structural
     }
 
-    /// Takes a configuration for a cause of what lies in its free directions.
-    fn accept(&mut self, configuration: &Configuration, directions: usize, snapped: &Figure) {
+    /// Makes a configuration the cause of the directions that lie in what it leaves free.
+    fn accept(
+        &mut self,
+        configuration: &Configuration,
+        directions: usize,
+        projected: &NormalizedMap,
+    ) {
         let mut points: Vec<usize> = configuration.points().collect();
         points.sort_unstable();
         let cause = self.causes.len();
@@ -168,34 +161,36 @@ impl Examination {
             points,
             directions,
         });
-        let Some(spectrum) = Spectrum::of(snapped) else {
+        let Some(spectrum) = Spectrum::of(projected, &self.options) else {
             return;
         };
         let null = spectrum.directions.columns(0, spectrum.free());
-        for direction in &mut self.directions {
-            let column = self.spectrum.directions.column(direction.index);
+        for (direction, &index) in self.directions.iter_mut().zip(&self.indices) {
+            let column = self.spectrum.directions.column(index);
             let inside = null.tr_mul(&column).norm_squared();
-            if direction.cause.is_none() && inside > EXPLAINED {
+            if direction.cause.is_none() && inside > self.options.explained {
                 direction.cause = Some(cause);
             }
         }
     }
 
-    /// Looks for points that are free by themselves, and for walls that only some views see.
-    fn name_points(&mut self, figure: &Figure, generic: &Figure, noise: f64) {
-        for _ in 0..ROUNDS {
+    /// Looks for points that move alone, and for walls of only some landmarks.
+    fn name_points(&mut self, map: &NormalizedMap, generic: &NormalizedMap, noise: f64) {
+        for _ in 0..self.options.causes {
             let open = self.directions.iter().filter(|d| d.cause.is_none());
             let mut candidates: Vec<Configuration> = Vec::new();
             for direction in open {
-                if let Some(&(point, share)) = direction.movers.first()
-                    && share > ALONE
+                let moved = direction.movers.iter();
+                let moved = moved.filter_map(|&(subject, _)| map.point(subject));
+                if let Some(&(subject, share)) = direction.movers.first()
+                    && share > self.options.alone
+                    && let Some(point) = map.point(subject)
                 {
-                    candidates.push(Configuration::of_point(figure, point));
+                    candidates.push(Configuration::of_point(map, point));
                 }
-                let moved = direction.movers.iter().map(|&(point, _)| point);
                 let landmarks: Vec<usize> =
-                    moved.filter(|&point| point >= figure.views.len()).collect();
-                if landmarks.len() > 2 && landmarks.len() < figure.landmarks.len() {
+                    moved.filter(|&point| point >= map.views.len()).collect();
+                if landmarks.len() > 2 && landmarks.len() < map.landmarks.len() {
                     candidates.push(Configuration {
                         kind: Kind::CollinearLandmarks,
                         shapes: vec![(Shape::Line, landmarks)],
@@ -204,14 +199,15 @@ impl Examination {
             }
             let known = self.causes.len();
             for configuration in candidates {
-                if !configuration.fits(figure, &self.spectrum, noise) {
+                if !configuration.fits(map, &self.spectrum, noise, &self.options) {
                     continue;
                 }
-                let directions = configuration.brings(generic, self.structural);
+                let directions =
+                    configuration.freedom_added(generic, self.structural, &self.options);
                 if directions > 0
-                    && let Some(snapped) = configuration.snapped(figure)
+                    && let Some(projected) = configuration.projected(map)
                 {
-                    self.accept(&configuration, directions, &snapped);
+                    self.accept(&configuration, directions, &projected);
                     break;
                 }
             }
@@ -221,6 +217,3 @@ impl Examination {
         }
     }
 }
-
-/// A point moves alone when it has this share of the squared moves.
-const ALONE: f64 = 0.9;

@@ -1,43 +1,33 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Who moves in a direction: what is left of it after the similarity under which most points stay.
+//! Which points move in a direction: what is left of it after the similarity under which most points stay.
 
-use super::normalized_map::Figure;
+use super::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::uncertainty::largest_first;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Vector2};
 
-/// Rounds of reweighting; the weights settle within a dozen.
+/// Rounds of reweighting, twice as many as the weights usually need to converge.
 const ROUNDS: usize = 25;
 
-/// Points with less than this share of the squared moves do not count.
-const SMALLEST: f64 = 0.01;
-
-/// Moves less than this share of the largest are rounding of the fit.
+/// Moves less than this share of the largest are rounding of the fit; a floor for the weights.
 const ROUNDING: f64 = 1e-6;
 
 /// The points that move and their shares of the squared moves, largest first.
 ///
-/// Any similarity of the whole changes nothing, so the one is taken off for which the sum of moves
-/// (not of their squares) is least: as many points as possible stay where they are.
-pub fn movers(figure: &Figure, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
-    let units = figure.units();
-    let left = without_similarity(figure, moves, &units);
-    let total: f64 = left.iter().map(|square| square * square).sum();
-    let mut found: Vec<(usize, f64)> = left
-        .into_iter()
-        .map(|length| length * length / total)
-        .enumerate()
-        .filter(|(_, share)| *share > SMALLEST)
-        .collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1));
-    found
+/// A similarity of the whole changes no bearing, so it may be subtracted: the one that leaves the least sum of moves,
+/// not of their squares, because then as many points as possible stay where they are.
+pub fn moving_points(map: &NormalizedMap, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
+    let units = map.units();
+    let left = without_similarity(map, moves, &units);
+    largest_first(left.into_iter().map(|length| length * length).enumerate())
 }
 
 /// How far each point moves, in its units.
-fn without_similarity(figure: &Figure, moves: &[Vector2<f64>], units: &[f64]) -> Vec<f64> {
+fn without_similarity(map: &NormalizedMap, moves: &[Vector2<f64>], units: &[f64]) -> Vec<f64> {
     let complex = |v: &Vector2<f64>| Complex::new(v.x, v.y);
-    let places: Vec<_> = figure.points.iter().map(complex).collect();
+    let places: Vec<_> = map.points.iter().map(complex).collect();
     let moves: Vec<_> = moves.iter().map(complex).collect();
     let mut weights: Vec<f64> = units.iter().map(|unit| 1.0 / unit).collect();
     let mut left: Vec<f64> = Vec::new();

@@ -13,10 +13,10 @@ use nalgebra::Vector2;
 /// Points are numbered views first, then landmarks. Always `f64`: what the numbers are worth is told by
 /// `rounding`, the rounding of the type they came in.
 #[derive(Clone, Debug)]
-pub struct Figure {
-    /// Index of each view in the problem.
+pub struct NormalizedMap {
+    /// Index of each view in the problem, ascending.
     pub views: Vec<usize>,
-    /// Index of each landmark in the problem.
+    /// Index of each landmark in the problem, ascending.
     pub landmarks: Vec<usize>,
     /// Position of each point, the middle of them at the origin.
     pub points: Vec<Vector2<f64>>,
@@ -28,7 +28,7 @@ pub struct Figure {
     pub rounding: f64,
 }
 
-impl Figure {
+impl NormalizedMap {
     /// The determined part of a map; `None` when no sighting is left, or a number is not finite.
     pub fn of_map(problem: &Problem, map: &Map) -> Option<Self> {
         let views = map.poses.iter().enumerate();
@@ -44,13 +44,13 @@ impl Figure {
         Self::new(problem, views, landmarks)
     }
 
-    /// A figure from places; `None` when no sighting is left, or a number is not finite.
+    /// A map from places; `None` when no sighting is left, or a number is not finite.
     pub fn new(
         problem: &Problem,
         views: impl Iterator<Item = (usize, Vector2<f64>, f64)>,
         landmarks: impl Iterator<Item = (usize, Vector2<f64>)>,
     ) -> Option<Self> {
-        let mut figure = Self {
+        let mut normalized = Self {
             views: Vec::new(),
             landmarks: Vec::new(),
             points: Vec::new(),
@@ -61,29 +61,29 @@ impl Figure {
         let mut view_number = vec![None; problem.views()];
         let mut landmark_number = vec![None; problem.landmarks()];
         for (view, place, heading) in views {
-            view_number[view] = Some(figure.views.len());
-            figure.views.push(view);
-            figure.points.push(place);
-            figure.headings.push(heading);
+            view_number[view] = Some(normalized.views.len());
+            normalized.views.push(view);
+            normalized.points.push(place);
+            normalized.headings.push(heading);
         }
         for (landmark, place) in landmarks {
-            landmark_number[landmark] = Some(figure.landmarks.len());
-            figure.landmarks.push(landmark);
-            figure.points.push(place);
+            landmark_number[landmark] = Some(normalized.landmarks.len());
+            normalized.landmarks.push(landmark);
+            normalized.points.push(place);
         }
         for s in problem.sightings() {
             if let (Some(view), Some(landmark)) = (view_number[s.view], landmark_number[s.landmark])
             {
                 let weight = s.weight;
-                figure.sightings.push((view, landmark, weight));
+                normalized.sightings.push((view, landmark, weight));
             }
         }
-        let squares: f64 = figure.sightings.iter().map(|s| s.2 * s.2).sum();
-        let mean = (squares / figure.sightings.len() as f64).sqrt();
-        for s in &mut figure.sightings {
+        let squares: f64 = normalized.sightings.iter().map(|s| s.2 * s.2).sum();
+        let mean = (squares / normalized.sightings.len() as f64).sqrt();
+        for s in &mut normalized.sightings {
             s.2 /= mean;
         }
-        figure.normalize().then_some(figure)
+        normalized.normalize().then_some(normalized)
     }
 
     /// Brings the middle to the origin and the size to 1; false when there is no size.
@@ -125,6 +125,17 @@ impl Figure {
         match point.checked_sub(self.views.len()) {
             None => Subject::View(self.views[point]),
             Some(landmark) => Subject::Landmark(self.landmarks[landmark]),
+        }
+    }
+
+    /// The point that a subject of the problem is, if it is in the map.
+    pub fn point(&self, subject: Subject) -> Option<usize> {
+        match subject {
+            Subject::View(view) => self.views.binary_search(&view).ok(),
+            Subject::Landmark(landmark) => {
+                let found = self.landmarks.binary_search(&landmark).ok();
+                found.map(|number| self.point_of_landmark(number))
+            }
         }
     }
 

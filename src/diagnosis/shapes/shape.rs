@@ -17,11 +17,12 @@ pub enum Shape {
     Circle,
 }
 
-/// A circle whose radius is more than this many extents of its points is a line to them.
+/// A circle whose radius is more than this many extents of its points is a line: the arc leaves its chord by less
+/// than a fortieth of the extent. It defines what a circle is.
 const FLATTEST: f64 = 20.0;
 
 impl Shape {
-    /// How many of the distances of points the nearest shape takes up.
+    /// How many parameters of the nearest shape are fitted to the distances of its points.
     pub fn parameters(self) -> usize {
         match self {
             Self::Place | Self::Line => 2,
@@ -30,24 +31,24 @@ impl Shape {
     }
 
     /// The points moved to the nearest places that share the shape; `None` when there is no such shape.
-    pub fn snap(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
+    pub fn project(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
         let middle = centroid(points);
         match self {
             Self::Place => Some(points.iter().map(|_| middle).collect()),
             Self::Line => {
                 let normal = across(line(points).1);
-                let snapped = points
+                let projected = points
                     .iter()
                     .map(|p| p - normal * normal.dot(&(p - middle)));
-                Some(snapped.collect())
+                Some(projected.collect())
             }
             Self::Circle => {
                 let (centre, radius) = circle(points)?;
-                let snapped = points.iter().map(|p| {
+                let projected = points.iter().map(|p| {
                     let offset = p - centre;
                     centre + offset * (radius / offset.norm())
                 });
-                Some(snapped.collect())
+                Some(projected.collect())
             }
         }
     }
@@ -163,12 +164,12 @@ mod tests {
         for (shape, points) in [(Shape::Circle, &circle), (Shape::Line, &line)] {
             let far = shape.distances(points).unwrap();
             assert!(far.iter().all(|d| d.abs() < 1e-14), "{far:?}");
-            for (p, q) in points.iter().zip(shape.snap(points).unwrap()) {
+            for (p, q) in points.iter().zip(shape.project(points).unwrap()) {
                 assert!((p - q).norm() < 1e-14);
             }
         }
         // A line is no circle.
-        assert!(Shape::Circle.snap(&line).is_none());
+        assert!(Shape::Circle.project(&line).is_none());
         assert!(Shape::Line.distances(&circle).unwrap()[0].abs() > 0.1);
     }
 
@@ -178,8 +179,8 @@ mod tests {
             .map(|k| on_circle(f64::from(k)) * (1.0 + 0.02 * f64::from(k % 3)))
             .collect();
         for shape in [Shape::Place, Shape::Line, Shape::Circle] {
-            let snapped = shape.snap(&points).unwrap();
-            let far = shape.distances(&snapped).unwrap();
+            let projected = shape.project(&points).unwrap();
+            let far = shape.distances(&projected).unwrap();
             assert!(far.iter().all(|d| d.abs() < 1e-6), "{shape:?} {far:?}");
         }
     }

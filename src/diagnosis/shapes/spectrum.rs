@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How far the bearings hold each direction of a map: the singular values of the Jacobian.
+//! How firmly the bearings hold each direction of a map: the singular values of the Jacobian.
 
-use super::normalized_map::{Figure, median};
+use super::super::options::ShapeOptions;
+use super::normalized_map::{NormalizedMap, median};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use alloc::vec::Vec;
@@ -10,7 +11,7 @@ use nalgebra::{DMatrix, DVector, Vector2};
 /// The directions of a map beyond the gauge, those that the bearings hold least first.
 ///
 /// Parameters are `(x, y, theta)` of each view and `(x, y)` of each landmark; headings in radians,
-/// positions in the units of [`Figure::units`], so that a singular value is the bearing error
+/// positions in the units of [`NormalizedMap::units`], so that a singular value is the bearing error
 /// \[rad\] that a move by one such unit makes in all sightings together.
 pub struct Spectrum {
     /// Singular values, ascending.
@@ -22,27 +23,27 @@ pub struct Spectrum {
     rounding: f64,
 }
 
-/// Most parameters for which the spectrum is computed, and most sightings times their square: a second or
-/// two. Time and memory grow with that product.
-const MAX_PARAMETERS: usize = 600;
-const MAX_WORK: usize = 2_000_000_000;
-
-/// A sighting over less than this part of the map's size ties two places together and tells little
-/// else; its huge weight would only drown the rest, so it is cut to what it has there.
+/// A sighting over less than this part of the map's size says that two places are one and little else. Its row,
+/// which grows with one over the distance, is kept at what it is there, so that the others are not rounding beside it.
 const TOUCHING: f64 = 1e-3;
 
-/// Steps of the singular value decomposition per parameter; two are usual.
+/// Singular values below so many roots of the rounding are zero: positions come out of exact bearings with half the
+/// digits where two solutions merge.
+const ROOTS: f64 = 8.0;
+
+/// Most steps of the singular value decomposition per parameter; two are usual.
 const STEPS: usize = 60;
 
 impl Spectrum {
-    /// The spectrum of a figure; `None` when it is too large, or if the decomposition fails.
-    pub fn of(figure: &Figure) -> Option<Self> {
-        let units = parameter_units(figure);
+    /// The spectrum of a map; `None` when it is too large, or if the decomposition fails.
+    pub fn of(map: &NormalizedMap, options: &ShapeOptions) -> Option<Self> {
+        let units = parameter_units(map);
         let count = units.len();
-        if count > MAX_PARAMETERS || figure.sightings.len() * count * count > MAX_WORK {
+        if count > options.max_parameters || map.sightings.len() * count * count > options.max_work
+        {
             return None;
         }
-        let mut jacobian = rows(figure);
+        let mut jacobian = rows(map);
         for (mut column, unit) in jacobian.column_iter_mut().zip(&units) {
             column *= *unit;
         }
@@ -50,7 +51,7 @@ impl Spectrum {
         if !(scale > 0.0 && scale.is_finite()) {
             return None;
         }
-        let reflectors = free_gauge(figure, &jacobian, &units, scale);
+        let reflectors = free_gauge(map, &jacobian, &units, scale);
         for reflector in &reflectors {
             reflect_columns(&mut jacobian, reflector);
         }
@@ -80,16 +81,13 @@ impl Spectrum {
             values: order.iter().map(|&k| found.singular_values[k]).collect(),
             directions,
             scale,
-            rounding: figure.rounding,
+            rounding: map.rounding,
         })
     }
 
     /// How many directions the bearings leave free, up to rounding.
-    ///
-    /// Where two solutions merge, positions come out of exact bearings with the root of the rounding; so a
-    /// singular value below a few roots is zero.
     pub fn free(&self) -> usize {
-        let bound = 8.0 * self.rounding.sqrt() * self.scale;
+        let bound = ROOTS * self.rounding.sqrt() * self.scale;
         self.values
             .iter()
             .take_while(|&&value| !(value > bound))
@@ -102,11 +100,11 @@ impl Spectrum {
     }
 
     /// The moves of the points in a direction, in sizes of the map, for a step of 1.
-    pub fn moves(&self, figure: &Figure, direction: usize) -> Vec<Vector2<f64>> {
+    pub fn moves(&self, map: &NormalizedMap, direction: usize) -> Vec<Vector2<f64>> {
         let column = self.directions.column(direction);
-        let units = figure.units();
-        let views = figure.views.len();
-        (0..figure.points.len())
+        let units = map.units();
+        let views = map.views.len();
+        (0..map.points.len())
             .map(|point| {
                 let k = place(views, point);
                 Vector2::new(column[k], column[k + 1]) * units[point]
@@ -124,16 +122,13 @@ pub fn place(views: usize, point: usize) -> usize {
     }
 }
 
-/// The Jacobian, one row per sighting, (T12). Further measurements add their rows here.
-fn rows(figure: &Figure) -> DMatrix<f64> {
-    let views = figure.views.len();
-    let mut matrix = DMatrix::zeros(
-        figure.sightings.len(),
-        3 * views + 2 * figure.landmarks.len(),
-    );
-    for (row, &(view, landmark, weight)) in figure.sightings.iter().enumerate() {
-        let landmark = figure.point_of_landmark(landmark);
-        let offset = figure.points[landmark] - figure.points[view];
+/// The Jacobian, one row per sighting, (T12).
+fn rows(map: &NormalizedMap) -> DMatrix<f64> {
+    let views = map.views.len();
+    let mut matrix = DMatrix::zeros(map.sightings.len(), 3 * views + 2 * map.landmarks.len());
+    for (row, &(view, landmark, weight)) in map.sightings.iter().enumerate() {
+        let landmark = map.point_of_landmark(landmark);
+        let offset = map.points[landmark] - map.points[view];
         let distance = offset.norm();
         if !(distance > 0.0) {
             continue;
@@ -151,10 +146,10 @@ fn rows(figure: &Figure) -> DMatrix<f64> {
 }
 
 /// What each parameter is measured by.
-fn parameter_units(figure: &Figure) -> Vec<f64> {
-    let (views, landmarks) = (figure.views.len(), figure.landmarks.len());
+fn parameter_units(map: &NormalizedMap) -> Vec<f64> {
+    let (views, landmarks) = (map.views.len(), map.landmarks.len());
     let mut units = alloc::vec![1.0; 3 * views + 2 * landmarks];
-    for (point, unit) in figure.units().into_iter().enumerate() {
+    for (point, unit) in map.units().into_iter().enumerate() {
         let k = place(views, point);
         units[k] = unit;
         units[k + 1] = unit;
@@ -162,19 +157,19 @@ fn parameter_units(figure: &Figure) -> Vec<f64> {
     units
 }
 
-/// Householder vectors that turn the directions of the gauge that nothing holds into the first axes.
+/// Householder vectors that turn the free directions of the gauge into the first axes.
 ///
-/// Translation, rotation and scaling; with bearings alone all four are free. Measurements that hold
-/// some of them, such as known poses, take them out of the gauge by themselves.
+/// The gauge is translation, rotation and scaling. Only those that the Jacobian leaves free are taken: all four, as
+/// long as the rows are those of bearings.
 fn free_gauge(
-    figure: &Figure,
+    map: &NormalizedMap,
     jacobian: &DMatrix<f64>,
     units: &[f64],
     scale: f64,
 ) -> Vec<DVector<f64>> {
-    let views = figure.views.len();
+    let views = map.views.len();
     let mut gauge = DMatrix::zeros(units.len(), 4);
-    for (point, p) in figure.points.iter().enumerate() {
+    for (point, p) in map.points.iter().enumerate() {
         let k = place(views, point);
         for (direction, moved) in [Vector2::x(), Vector2::y(), Vector2::new(-p.y, p.x), *p]
             .into_iter()
@@ -194,7 +189,7 @@ fn free_gauge(
     let Some(turns) = held.v_t else {
         return Vec::new();
     };
-    let bound = 8.0 * figure.rounding.sqrt() * scale;
+    let bound = ROOTS * map.rounding.sqrt() * scale;
     let mut reflectors: Vec<DVector<f64>> = Vec::new();
     for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
         if *value > bound {

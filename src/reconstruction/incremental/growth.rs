@@ -10,11 +10,11 @@ use super::super::options::{Progress, report_progress};
 use super::gates::{Fit, noise, range_variance};
 use super::options::IncrementalOptions;
 use super::place;
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
+use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;

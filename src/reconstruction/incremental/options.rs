@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Options of the incremental stage, from seeds to joined components.
 
-use crate::adjustment::RefineOptions;
+use crate::lm::RefineOptions;
 use crate::problem::MIN_LANDMARKS_OF_VIEW;
 
 /// Options of the incremental stage. Noise is the root mean square of residuals over sigma, as large as it has shown so

@@ -9,9 +9,9 @@
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motion, Motions};
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;

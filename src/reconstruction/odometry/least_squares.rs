@@ -4,10 +4,10 @@
 use super::super::grow::{grow, resect_view};
 use super::super::robust::motions::Motion;
 use super::growth::{GrowthOptions, Placement, Shared, laid_over};
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Tie};
 use alloc::vec;
 use alloc::vec::Vec;

@@ -16,9 +16,9 @@ use super::super::strategy;
 use super::growth::{GrowthOptions, grow_along_odometry};
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
-use crate::adjustment::{RefineOptions, fitted, refine_map};
+use crate::adjustment::{fitted, refine_map};
 use crate::error::{Degeneracy, Error};
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 

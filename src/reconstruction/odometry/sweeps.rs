@@ -11,9 +11,8 @@ use super::super::robust::consensus::{Consensus, OUTLIER, fixed_point, inliers, 
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::options::RobustOptions;
 use super::super::robust::reassign::{reassign, reestimate_each};
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;

@@ -9,7 +9,7 @@ use super::consensus::{Consensus, OUTLIER, fixed_point};
 use super::options::RobustOptions;
 use crate::error::Error;
 use crate::problem::Problem;
-use crate::uncertainty::Influence;
+use crate::uncertainty::Leverage;
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -48,7 +48,7 @@ pub fn exchange(
 
 /// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
 fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Vec<Vec<usize>> {
-    let Some(influence) = Influence::new(problem, &best.map, &best.inliers) else {
+    let Some(influence) = Leverage::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };
     let most = OUTLIER * OUTLIER;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Options of the robust stage, from samples to the last exchange.
 
-use crate::adjustment::RefineOptions;
+use crate::lm::RefineOptions;
 use crate::problem::MIN_LANDMARKS_OF_VIEW;
 
 /// Options of the robust stage. Bounds are in standard deviations of a bearing.

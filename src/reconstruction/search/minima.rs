@@ -12,9 +12,9 @@ use super::super::options::{Progress, report_progress};
 use super::super::result::Reconstruction;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
-use crate::lm::Termination;
+use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 

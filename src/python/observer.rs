@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Progress and Ctrl-C while the interpreter is released.
 
-use super::convert;
+use super::errors;
 use crate::Error;
 use core::time::Duration;
 use pyo3::prelude::*;
@@ -11,13 +11,13 @@ use std::time::Instant;
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// Looks at signals and reports progress now and then.
-pub struct Watcher {
+pub struct InterpreterObserver {
     progress: Option<Py<PyAny>>,
     last: Instant,
     raised: Option<PyErr>,
 }
 
-impl Watcher {
+impl InterpreterObserver {
     /// Runs work without the interpreter; an exception raised meanwhile (a signal handler's, the
     /// progress function's) ends the work and is passed on.
     pub fn run<R: Send>(
@@ -33,7 +33,7 @@ impl Watcher {
         let result = py.detach(|| work(&mut |stage, done, all| watcher.look(stage, done, all)));
         match (watcher.raised, result) {
             (Some(raised), _) => Err(raised),
-            (None, result) => result.map_err(|error| convert::error(py, error)),
+            (None, result) => result.map_err(|error| errors::error(py, error)),
         }
     }
 

@@ -1,13 +1,95 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Many small problems in one call.
+//! Three views: one problem, or many in one call.
 
 use super::convert::{self, Floats};
-use super::method;
-use crate::{Bearing, ThreeView, Triple};
+use super::errors;
+use crate::{Bearing, Method, ThreeView, TrifocalTensor, Triple};
 use alloc::vec::Vec;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use std::format;
+
+fn method(py: Python<'_>, name: &str, reweights: usize) -> PyResult<Method> {
+    match name {
+        "calibrated" => Ok(Method::Calibrated { reweights }),
+        "projective" => Ok(Method::Projective),
+        _ => Err(errors::invalid(
+            py,
+            &format!("method: expected \"calibrated\" or \"projective\", got {name:?}"),
+        )),
+    }
+}
+
+/// One of the solutions.
+#[derive(IntoPyObject)]
+pub struct Solution<'py> {
+    poses: Bound<'py, PyArray2<f64>>,
+    landmarks: Bound<'py, PyArray2<f64>>,
+    inconsistent: usize,
+    cost: f64,
+    near_collinear: bool,
+}
+
+#[pyfunction]
+pub fn three_view<'py>(
+    py: Python<'py>,
+    bearings: Floats<'py>,
+    method: &str,
+    reweights: usize,
+) -> PyResult<Vec<Solution<'py>>> {
+    let triples = convert::triples(py, &bearings)?;
+    let method = self::method(py, method, reweights)?;
+    let solution = py
+        .detach(|| crate::three_view(&triples, method))
+        .map_err(|error| errors::error(py, error))?;
+    let count = if solution.flattened { 1 } else { 2 };
+    let solutions = solution.motions[..count].iter().map(|motion| {
+        let landmarks: Vec<_> = triples.iter().map(|t| motion.landmark(t)).collect();
+        Solution {
+            poses: convert::poses(py, motion.poses.iter().map(Some)),
+            landmarks: convert::points(py, &landmarks),
+            inconsistent: motion.inconsistent,
+            cost: motion.cost,
+            near_collinear: solution.near_collinear,
+        }
+    });
+    Ok(solutions.collect())
+}
+
+#[pyfunction]
+pub fn trifocal_tensor<'py>(
+    py: Python<'py>,
+    bearings: Floats<'py>,
+    method: &str,
+    reweights: usize,
+) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let triples = convert::triples(py, &bearings)?;
+    let method = self::method(py, method, reweights)?;
+    let tensor = py
+        .detach(|| crate::trifocal_tensor(&triples, method))
+        .map_err(|error| errors::error(py, error))?;
+    let flat = tensor.entries.as_flattened().as_flattened();
+    convert::array3(py, flat, [2, 2, 2])
+}
+
+#[pyfunction]
+pub fn epipoles<'py>(py: Python<'py>, tensor: Floats<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+    let flat = convert::finite(py, "tensor", &tensor, &[Some(2), Some(2), Some(2)])?;
+    let at = |i: usize, j: usize, k: usize| flat[4 * i + 2 * j + k];
+    let entries =
+        core::array::from_fn(|i| core::array::from_fn(|j| core::array::from_fn(|k| at(i, j, k))));
+    let found = crate::real_epipoles(&TrifocalTensor { entries })
+        .map_err(|error| errors::error(py, error))?;
+    let angles: Vec<f64> = found
+        .directions
+        .as_flattened()
+        .as_flattened()
+        .iter()
+        .map(|direction| direction.y.atan2(direction.x))
+        .collect();
+    convert::array3(py, &angles, [2, 3, 3])
+}
 
 /// Poses (k, 18), landmarks (k, 4 n), inconsistent (k, 2), cost (k, 2), near collinear (k,).
 type Solutions<'py> = (

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Problems from arrays: sightings, odometry, priors.
+//! What is asked: the problem with its odometry and priors, and how it is to be solved.
+//!
+//! Everything is read from the attributes of frozen dataclasses of the package.
 
 use super::convert::{self, Floats, Indices};
+use super::errors;
 use crate::{LandmarkPrior, Noise, Odometry, Pose, PosePrior, Problem, Sighting};
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -9,15 +12,9 @@ use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use std::format;
 
-/// Start, end, delta (k, 3), sigma (k, 3) or covariance (k, 3, 3).
-type RawOdometry<'py> = (Indices<'py>, Indices<'py>, Floats<'py>, Floats<'py>);
-/// Index, pose (k, 3) or position (k, 2), sigma or covariance.
-type RawPriors<'py> = (Indices<'py>, Floats<'py>, Floats<'py>);
-
-/// A problem as the package hands it over, in a dictionary.
+/// The package's `Request`.
 #[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct RawProblem<'py> {
+pub struct Request<'py> {
     views: usize,
     landmarks: usize,
     view: Indices<'py>,
@@ -26,11 +23,34 @@ pub struct RawProblem<'py> {
     sigma: Floats<'py>,
     oriented: bool,
     odometry: Option<RawOdometry<'py>>,
-    pose_priors: Option<RawPriors<'py>>,
-    landmark_priors: Option<RawPriors<'py>>,
+    pose_priors: Option<RawPosePriors<'py>>,
+    landmark_priors: Option<RawLandmarkPriors<'py>>,
 }
 
-impl RawProblem<'_> {
+/// Standard deviations (k, 3), or covariances (k, 3, 3); of landmarks (k, 2) and (k, 2, 2).
+#[derive(FromPyObject)]
+struct RawOdometry<'py> {
+    start: Indices<'py>,
+    end: Indices<'py>,
+    delta: Floats<'py>,
+    sigma: Floats<'py>,
+}
+
+#[derive(FromPyObject)]
+struct RawPosePriors<'py> {
+    view: Indices<'py>,
+    pose: Floats<'py>,
+    sigma: Floats<'py>,
+}
+
+#[derive(FromPyObject)]
+struct RawLandmarkPriors<'py> {
+    landmark: Indices<'py>,
+    position: Floats<'py>,
+    sigma: Floats<'py>,
+}
+
+impl Request<'_> {
     pub fn read(&self, py: Python<'_>) -> PyResult<Problem> {
         let bearing = convert::entries(py, "bearing", &self.bearing, &[None])?;
         let sigma = convert::entries(py, "sigma", &self.sigma, &[Some(bearing.len())])?;
@@ -68,12 +88,17 @@ impl RawProblem<'_> {
                 problem.unoriented()
             })
         });
-        made.map_err(|error| convert::error(py, error))
+        made.map_err(|error| errors::error(py, error))
     }
 }
 
 fn odometry(py: Python<'_>, raw: &RawOdometry<'_>) -> PyResult<Vec<Odometry>> {
-    let (start, end, delta, sigma) = raw;
+    let RawOdometry {
+        start,
+        end,
+        delta,
+        sigma,
+    } = raw;
     let start = convert::indices(py, "odometry: start", start, None)?;
     let end = convert::indices(py, "odometry: end", end, Some(start.len()))?;
     let delta = poses(py, "odometry: delta", delta, start.len())?;
@@ -90,8 +115,8 @@ fn odometry(py: Python<'_>, raw: &RawOdometry<'_>) -> PyResult<Vec<Odometry>> {
         .collect())
 }
 
-fn pose_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<PosePrior>> {
-    let (view, pose, sigma) = raw;
+fn pose_priors(py: Python<'_>, raw: &RawPosePriors<'_>) -> PyResult<Vec<PosePrior>> {
+    let RawPosePriors { view, pose, sigma } = raw;
     let view = convert::indices(py, "pose_priors: view", view, None)?;
     let pose = poses(py, "pose_priors: pose", pose, view.len())?;
     let noise = noise::<3>(py, "pose_priors: sigma", sigma, view.len())?;
@@ -102,8 +127,12 @@ fn pose_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<PosePrior>> 
         .collect())
 }
 
-fn landmark_priors(py: Python<'_>, raw: &RawPriors<'_>) -> PyResult<Vec<LandmarkPrior>> {
-    let (landmark, position, sigma) = raw;
+fn landmark_priors(py: Python<'_>, raw: &RawLandmarkPriors<'_>) -> PyResult<Vec<LandmarkPrior>> {
+    let RawLandmarkPriors {
+        landmark,
+        position,
+        sigma,
+    } = raw;
     let landmark = convert::indices(py, "landmark_priors: landmark", landmark, None)?;
     let count = landmark.len();
     let shape = [Some(count), Some(2)];
@@ -154,7 +183,7 @@ fn noise<const N: usize>(
                 .map(|block| Noise::Covariance(covariance(block)))
                 .collect())
         }
-        _ => Err(convert::invalid(
+        _ => Err(errors::invalid(
             py,
             &format!(
                 "{name}: expected an array of shape ({count}, {N}) or ({count}, {N}, {N}), got {:?}",

@@ -1,0 +1,376 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How findings read: the name of each kind, what it says is wrong and what to add, in one table.
+
+use super::finding::{Finding, Kind, Severity};
+use alloc::format;
+use alloc::string::{String, ToString};
+use alloc::vec::Vec;
+use core::fmt;
+
+/// The circumstances in which a kind is found, where they change what is said of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Case {
+    /// All others.
+    Usual,
+    /// Not one sighting.
+    Unseen,
+    /// No three views to start a map from.
+    NoStart,
+    /// Out of reach of the largest part, as the sightings are.
+    OutOfReach,
+    /// The solver has failed.
+    NoMap,
+    /// Odometry or priors are part of the problem.
+    WithPriors,
+}
+
+/// Of each kind, in their order: its name, what is wrong, and what to add.
+///
+/// Words in braces stand for facts of the finding, see [`fact`], or for such that are given with it. The numbers in
+/// the advice follow from counting: a new landmark takes two sightings to place it and a new view three; each
+/// sighting beyond these fixes one direction.
+#[rustfmt::skip]
+const TABLE: [(Kind, &str, &str, &str); 24] = [
+    (Kind::TooFewSightings, "too_few_sightings",
+        "{all} {have} too few sightings to be placed",
+        "A view needs three landmarks that are placed, a landmark two views."),
+    (Kind::Disconnected, "disconnected",
+        "the sightings fall into {parts} parts that nothing ties together: {first}, and apart from them {all}",
+        "Each further part needs four sightings between it and the others, or three landmarks of the others that \
+         one of its views sees."),
+    (Kind::TwoViews, "two_views",
+        "{few views} never determine a map, however many landmarks they see",
+        "Add {missing} from another place, so that three views see the same five landmarks."),
+    (Kind::TooFewLandmarks, "too_few_landmarks",
+        "{few landmarks} never determine a map, however many views see them",
+        "Add {missing}."),
+    (Kind::Counting, "counting",
+        "{seen} are fewer than the {unknowns} unknowns of {count views} views and {count landmarks} landmarks \
+         (three a view, two a landmark, less four)",
+        "Add at least {sightings} between them; a further landmark counts for the sightings beyond two, a further \
+         view for those beyond three."),
+    (Kind::Unreached, "unreached",
+        "{all} {are} not in the map",
+        "A view needs three landmarks of the map that are not on one circle with it, a landmark two views of the \
+         map that are not in line with it."),
+    (Kind::EverythingOnOneLine, "everything_on_one_line",
+        "{all} all lie on one line, or their bearings cannot be told from that: every point may slide along it",
+        "Only views off the line and landmarks off the line help: add at least two of each, all seen by all."),
+    (Kind::LinesOfViewsAndOfLandmarks, "lines_of_views_and_of_landmarks",
+        "{views} lie on one line and {landmarks} on another",
+        "Add {sightings of one} of a landmark off both lines, or a view off the line of views and three sightings \
+         of a landmark off the line of landmarks."),
+    (Kind::ViewsAndLandmarksOnOneCircle, "views_and_landmarks_on_one_circle",
+        "{all} lie on one circle, where inscribed angles do not tell the place of a view: each view may slide along \
+         it",
+        "Add three landmarks off the circle, seen by all views."),
+    (Kind::ThreeViewsAndLandmarksOnOneCircle, "three_views_and_landmarks_on_one_circle",
+        "{all} lie on one circle, where inscribed angles do not tell the place of a view: each view may slide along \
+         it",
+        "Add three landmarks off the circle, seen by all views."),
+    (Kind::CoincidentViews, "coincident_views",
+        "{views} stand in one place and only turn: they count as one view, and fewer than three places are left",
+        "Add views from other places until there are three, each seeing five of the landmarks."),
+    (Kind::CollinearLandmarks, "collinear_landmarks",
+        "{landmarks} lie on one line, such as a wall: a family of maps has the same bearings, however many views \
+         there are",
+        "Add {sightings of one} of a landmark off the line."),
+    (Kind::FourLandmarksOnACircle, "four_landmarks_on_a_circle",
+        "there are only four landmarks, and {landmarks} lie on one circle, such as a rectangle: one direction is \
+         free, however many views there are",
+        "Add {sightings of one} of a fifth landmark, anywhere."),
+    (Kind::ThreeCollinearViews, "three_collinear_views",
+        "{views} lie on one line: the map and its mirror image merge there, and errors grow with the root of the \
+         noise",
+        "Add a fourth view, anywhere, that sees four of the landmarks."),
+    (Kind::LandmarksOnACubic, "landmarks_on_a_cubic",
+        "{landmarks} lie on one cubic curve through {views}, such as a line together with the circle through the \
+         views: three views do not tell the maps apart",
+        "Add a fourth view that sees {landmarks of one} of the landmarks, or a landmark elsewhere."),
+    (Kind::ViewOnCircleOfLandmarks, "view_on_circle_of_landmarks",
+        "{views} is on one circle with all landmarks that it sees ({landmarks}), and may slide along it",
+        "Let it see a landmark that is not on the circle."),
+    (Kind::LandmarkOnLineOfViews, "landmark_on_line_of_views",
+        "{landmarks} is on one line with all views that see it ({views}), which know its direction but not its \
+         range",
+        "Let a view off the line see it."),
+    (Kind::LandmarksAtInfinity, "landmarks_at_infinity",
+        "the rays of {landmarks} are parallel within their noise: directions are known, ranges are not",
+        "Their bearings still hold the headings. For their ranges see them from farther apart."),
+    (Kind::LoosePart, "loose_part",
+        "{all} can move against the rest as a whole: too few sightings tie {them} to it",
+        "Add {sightings} between this part and the rest."),
+    (Kind::UnnamedDirection, "unnamed_direction",
+        "{directions are} free and no shape of the map explains {it}; mostly {all} {move}",
+        "Add {sightings} between these and others, from other places."),
+    (Kind::WeaklyDetermined, "weakly_determined",
+        "noise of {noise} degrees leaves {all} uncertain by up to {share} % of the size of the map",
+        "Add sightings of them, from other places or of other landmarks."),
+    (Kind::SecondSolution, "second_solution",
+        "another map explains the bearings nearly as well, with residuals {margin} times as large",
+        "Add a view of five of the landmarks: it tells the two apart."),
+    (Kind::PoorFit, "poor_fit",
+        "the map leaves residuals of {rms} degrees, so its shape is no evidence",
+        "Look for wrong correspondences, or give a better map."),
+    (Kind::NotExamined, "not_examined",
+        "only the sightings have been counted: {why}",
+        ""),
+];
+
+/// What is said instead in special cases.
+#[rustfmt::skip]
+const SPECIAL: [(Kind, Case, &str, &str); 6] = [
+    (Kind::TooFewSightings, Case::Unseen,
+        "{all} {have} no sightings at all",
+        "A view needs three landmarks that are placed, a landmark two views."),
+    (Kind::Unreached, Case::WithPriors,
+        "{all} {are} not in the map",
+        "A view needs three landmarks of the map or odometry from one of its views, a landmark two views of the map \
+         that are not in line with it."),
+    (Kind::Unreached, Case::NoStart,
+        "no three of {views} see the same four landmarks, so there is nothing to start a map from",
+        "Let three views see the same five landmarks."),
+    (Kind::Unreached, Case::OutOfReach,
+        "{all} cannot be tied to the largest part step by step: no view of them sees three of its landmarks",
+        "Let one of these views see three landmarks that two views of the largest part see."),
+    (Kind::Unreached, Case::NoMap,
+        "no map could be made: {why}",
+        "Add sightings, odometry or priors."),
+    (Kind::WeaklyDetermined, Case::WithPriors,
+        "{all} {are} uncertain by up to {share} % of the size of the map",
+        "Add sightings of them, from other places or of other landmarks."),
+];
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; TABLE.len()] = {
+        let mut all = [Self::TooFewSightings; TABLE.len()];
+        let mut k = 0;
+        while k < all.len() {
+            all[k] = TABLE[k].0;
+            assert!(
+                all[k] as usize == k,
+                "the table is in the order of the kinds"
+            );
+            k += 1;
+        }
+        all
+    };
+
+    /// The name of the variant in lower case with underscores.
+    pub fn name(self) -> &'static str {
+        TABLE[self as usize].1
+    }
+}
+
+/// A finding in the words of the table.
+pub fn finding(
+    kind: Kind,
+    severity: Severity,
+    (views, landmarks): (Vec<usize>, Vec<usize>),
+    directions: usize,
+) -> Finding {
+    finding_in(
+        Case::Usual,
+        kind,
+        severity,
+        (views, landmarks),
+        directions,
+        &[],
+    )
+}
+
+/// A finding in a case, with the facts that its texts mention beside those of [`fact`]. A kind without texts
+/// for the case uses its usual ones.
+pub fn finding_in(
+    case: Case,
+    kind: Kind,
+    severity: Severity,
+    (views, landmarks): (Vec<usize>, Vec<usize>),
+    directions: usize,
+    given: &[(&str, String)],
+) -> Finding {
+    let mut finding = Finding {
+        kind,
+        severity,
+        views,
+        landmarks,
+        directions,
+        message: String::new(),
+        advice: String::new(),
+    };
+    let special = SPECIAL.iter().find(|text| text.0 == kind && text.1 == case);
+    let (_, _, message, advice) = TABLE[kind as usize];
+    let (message, advice) = special.map_or((message, advice), |text| (text.2, text.3));
+    finding.message = fill(message, &finding, given) + ".";
+    finding.advice = fill(advice, &finding, given);
+    finding
+}
+
+/// A text with its facts.
+fn fill(text: &str, finding: &Finding, given: &[(&str, String)]) -> String {
+    let mut filled = String::new();
+    // Between braces is every second piece.
+    for (k, piece) in text.split(['{', '}']).enumerate() {
+        let known = given.iter().find(|(name, _)| *name == piece);
+        match known {
+            _ if k % 2 == 0 => filled.push_str(piece),
+            Some((_, value)) => filled.push_str(value),
+            None => filled.push_str(&fact(piece, finding)),
+        }
+    }
+    filled
+}
+
+/// What a word in braces stands for in every finding.
+fn fact(name: &str, finding: &Finding) -> String {
+    let (views, landmarks, directions) = (&finding.views, &finding.landmarks, finding.directions);
+    let choose =
+        |one: bool, singular: &str, plural: &str| if one { singular } else { plural }.into();
+    let one = views.len() + landmarks.len() == 1;
+    match name {
+        "views" => list("view", views),
+        "landmarks" => list("landmark", landmarks),
+        "all" => both(views, landmarks),
+        "have" => choose(one, "has", "have"),
+        "are" => choose(one, "is", "are"),
+        "move" => choose(one, "moves", "move"),
+        "them" => choose(one, "it", "them"),
+        "directions are" if directions == 1 => "one direction of the map is".into(),
+        "directions are" => format!("{directions} directions of the map are"),
+        "it" => choose(directions == 1, "it", "them"),
+        "sightings" => count(directions, "sighting"),
+        "sightings of one" => count(2 + directions, "sighting"),
+        "landmarks of one" => (3 + directions).to_string(),
+        _ => String::new(),
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            kind,
+            severity,
+            message,
+            advice,
+            ..
+        } = self;
+        write!(f, "{} ({}): {message}", severity.name(), kind.name())?;
+        if !advice.is_empty() {
+            write!(f, " {advice}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Most ranges of a list that are spelt out: about a line of text. No answer depends on it.
+const MAX_RANGES: usize = 8;
+
+/// `landmarks 0..7`, `views 0, 2 and 5..8`, `view 3`: ranges with both ends in them.
+pub fn list(noun: &str, indices: &[usize]) -> String {
+    if indices.is_empty() {
+        return format!("no {noun}s");
+    }
+    let mut ranges: Vec<(usize, usize)> = Vec::new();
+    for &index in indices {
+        match ranges.last_mut() {
+            Some((_, last)) if *last + 1 == index => *last = index,
+            _ => ranges.push((index, index)),
+        }
+    }
+    let mut words: Vec<String> = Vec::new();
+    for &(first, last) in ranges.iter().take(MAX_RANGES) {
+        match last - first {
+            0 => words.push(format!("{first}")),
+            1 => words.extend([format!("{first}"), format!("{last}")]),
+            _ => words.push(format!("{first}..{last}")),
+        }
+    }
+    if ranges.len() > MAX_RANGES {
+        let rest: usize = ranges[MAX_RANGES..].iter().map(|(a, b)| b - a + 1).sum();
+        words.push(format!("{rest} more"));
+    }
+    let plural = if indices.len() == 1 { "" } else { "s" };
+    format!("{noun}{plural} {}", join(&words))
+}
+
+/// `a`, `a and b`, `a, b and c`.
+fn join(words: &[String]) -> String {
+    match words {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// Views and landmarks together, such as `views 0..2 and landmark 5`.
+pub fn both(views: &[usize], landmarks: &[usize]) -> String {
+    match (views, landmarks) {
+        (_, []) => list("view", views),
+        ([], _) => list("landmark", landmarks),
+        _ => format!(
+            "{} and {}",
+            list("view", views),
+            list("landmark", landmarks)
+        ),
+    }
+}
+
+/// `one sighting`, `3 sightings`.
+pub fn count(number: usize, noun: &str) -> String {
+    match number {
+        0 => format!("no {noun}s"),
+        1 => format!("one {noun}"),
+        2 => format!("two {noun}s"),
+        3 => format!("three {noun}s"),
+        _ => format!("{number} {noun}s"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_short() {
+        assert_eq!(
+            list("landmark", &[0, 1, 2, 3, 4, 5, 6, 7]),
+            "landmarks 0..7"
+        );
+        assert_eq!(list("view", &[0, 2, 5, 6, 7, 8]), "views 0, 2 and 5..8");
+        assert_eq!(list("view", &[3, 4]), "views 3 and 4");
+        assert_eq!(list("view", &[3]), "view 3");
+        let gaps: Vec<usize> = (0..20).map(|k| 2 * k).collect();
+        assert_eq!(
+            list("view", &gaps),
+            "views 0, 2, 4, 6, 8, 10, 12, 14 and 12 more"
+        );
+        assert_eq!(both(&[0], &[1, 2, 3]), "view 0 and landmarks 1..3");
+    }
+
+    /// Every word in braces is a fact of all findings, or one of those that are given.
+    #[test]
+    fn texts_are_filled() {
+        let given = "parts first missing seen unknowns why noise share margin rms";
+        let given = given.split(' ').chain([
+            "few views",
+            "few landmarks",
+            "count views",
+            "count landmarks",
+        ]);
+        let given: Vec<_> = given.map(|name| (name, String::from("?"))).collect();
+        let usual = TABLE.map(|(kind, _, message, advice)| (kind, Case::Usual, message, advice));
+        for (kind, case, message, advice) in usual.into_iter().chain(SPECIAL) {
+            let subjects = (Vec::from([0, 1, 2]), Vec::from([4, 5]));
+            let found = finding_in(case, kind, Severity::Error, subjects, 2, &given);
+            assert!(found.to_string().contains(kind.name()));
+            for word in [message, advice]
+                .iter()
+                .flat_map(|text| text.split(['{', '}']).skip(1).step_by(2))
+            {
+                let known = given.iter().any(|(name, _)| *name == word);
+                assert!(known || !fact(word, &found).is_empty(), "{word}");
+            }
+        }
+    }
+}
