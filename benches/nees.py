@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 import bearslam
-from bearslam.align import wrap
-from bearslam.maps import Map, register
+from bearslam.data.align import wrap
+from bearslam.data.maps import Map, register
 
 Array = NDArray[np.float64]
 DEGREES = {"pose": 3, "landmark": 2}

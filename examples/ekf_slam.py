@@ -44,9 +44,10 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.align import wrap
-from bearslam.ellipses import COVERED, LOOK, draw_ellipses
-from bearslam.plot import ESTIMATE, FORMATS, PAPER, TRUTH, Look, finish, save_figure
+from bearslam.data.align import wrap
+from bearslam.plotting.ellipses import COVERED, STYLE, draw_ellipses
+from bearslam.plotting.map import FORMATS, finish, save_figure
+from bearslam.plotting.style import ESTIMATE, PAPER, TRUTH, Style
 
 Array = NDArray[np.float64]
 STARTS = ("bearslam", "bearslam blocks", "blind")
@@ -362,12 +363,12 @@ def table(tracks: dict[tuple[str, str], list[Track]], first: int) -> str:
 
 def draw_errors(ax: Axes, tracks: dict[str, list[Track]], first: int) -> None:
     """Median and band of the errors of each start, view by view."""
-    for start, look, line in (("bearslam", ESTIMATE, "-"), ("blind", PAPER, "--")):
+    for start, style, line in (("bearslam", ESTIMATE, "-"), ("blind", PAPER, "--")):
         errors = np.array([track.error for track in tracks[start]])
         views = np.arange(first if start == "bearslam" else 2, errors.shape[1] + 1)
         low, middle, high = (quantile(errors[:, views - 1], share) for share in (0.1, 0.5, 0.9))
-        ax.fill_between(views, low, high, color=look.color, alpha=0.2, linewidth=0.0)
-        ax.plot(views, middle, line, color=look.color, label=f"{start}, median and 10 to 90 %")
+        ax.fill_between(views, low, high, color=style.color, alpha=0.2, linewidth=0.0)
+        ax.plot(views, middle, line, color=style.color, label=f"{start}, median and 10 to 90 %")
     ax.axvline(first, color=TRUTH.color, linewidth=0.8, linestyle=":", label="bearslam's map enters")
     ax.set(yscale="log", xlabel="view")
     ax.grid(color="#e6e6e6", linewidth=0.6)
@@ -375,14 +376,14 @@ def draw_errors(ax: Axes, tracks: dict[str, list[Track]], first: int) -> None:
     ax.label_outer()
 
 
-def draw_start(ax: Axes, run: Run, track: Track, look: Look, first: int) -> None:
+def draw_start(ax: Axes, run: Run, track: Track, style: Style, first: int) -> None:
     """Path and landmarks of the first views, and what the filter knows of them."""
     seen = run.landmarks[np.isfinite(run.bearings[:first]).any(axis=0)]
     ax.plot(*run.poses[:first, :2].T, color=TRUTH.color, linewidth=1.2)
     ax.plot(*seen.T, TRUTH.marker, color=TRUTH.color, markerfacecolor="none", markersize=7)
     if track.landmarks is not None and track.covariances is not None:
-        ax.plot(*np.array(track.path)[:, :2].T, "--", color=look.color, linewidth=1.5)
-        ax.plot(*track.landmarks.T, look.marker, color=look.color, markersize=4)
+        ax.plot(*np.array(track.path)[:, :2].T, "--", color=style.color, linewidth=1.5)
+        ax.plot(*track.landmarks.T, style.marker, color=style.color, markersize=4)
         draw_ellipses(ax, track.landmarks, track.covariances, np.eye(2), 1.0, None, 3.5)
     finish(ax, "m")
     framed = np.concatenate([run.poses[:first, :2], seen])
@@ -405,15 +406,15 @@ def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path:
     above.legend(*entries, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
 
     panels = (("bearslam", "parallax", ESTIMATE), ("blind", "guess", PAPER), ("blind", "parallax", PAPER))
-    for ax, (start, entry, look) in zip(below.subplots(1, 3, sharex=True, sharey=True), panels, strict=True):
-        draw_start(ax, run, tracks[start, entry][0], look, first)
+    for ax, (start, entry, style) in zip(below.subplots(1, 3, sharex=True, sharey=True), panels, strict=True):
+        draw_start(ax, run, tracks[start, entry][0], style, first)
         ax.set_title(f"{start}{'' if start == 'bearslam' else f', {entry}'}: view {first}", fontsize=10)
     line: dict[str, Any] = {"linewidth": 1.3, "markersize": 6}
     symbols = [
         Line2D([], [], color=TRUTH.color, marker=TRUTH.marker, markerfacecolor="none", label="truth", **line),
         *(
-            Line2D([], [], color=look.color, marker=look.marker, linestyle="--", label=start, **line)
-            for start, look in (("bearslam", ESTIMATE), ("blind", PAPER))
+            Line2D([], [], color=style.color, marker=style.marker, linestyle="--", label=start, **line)
+            for start, style in (("bearslam", ESTIMATE), ("blind", PAPER))
         ),
         Line2D(
             [],
@@ -423,7 +424,7 @@ def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path:
             markersize=9,
             markerfacecolor="none",
             label=f"{100 * COVERED:.0f} % ellipse",
-            color=LOOK["edgecolors"],
+            color=STYLE["edgecolors"],
         ),
     ]
     below.legend(handles=symbols, loc="outside lower center", ncols=4, frameon=False, fontsize=9)

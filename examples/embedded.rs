@@ -10,7 +10,7 @@
 
 #[warn(clippy::std_instead_of_core)]
 mod robot {
-    use bearslam::{Bearing, Branch, Error, FixedMap, FixedOptions, FixedReport, Workspace};
+    use bearslam::{Bearing, Branch, Error, FixedMap, RefineOptions, Workspace};
 
     pub const VIEWS: usize = 8;
     pub const LANDMARKS: usize = 12;
@@ -30,9 +30,9 @@ mod robot {
         /// Too little is known for a map; the reason once there are three scans.
         Waiting(Option<Error>),
         /// There is a map of the last three scans, and a rival of it.
-        Started(FixedReport<f32>),
+        Started(bearslam::Outcome<f32>),
         /// The scan is in the map, and this is its view.
-        Placed(usize, FixedReport<f32>),
+        Placed(usize, bearslam::Outcome<f32>),
         /// The scan has been dropped.
         Lost(Why),
     }
@@ -155,10 +155,10 @@ mod robot {
         }
     }
 
-    fn options() -> FixedOptions<f32> {
-        FixedOptions {
+    fn options() -> RefineOptions<f32> {
+        RefineOptions {
             max_iterations: STEPS,
-            ..FixedOptions::default()
+            ..RefineOptions::default()
         }
     }
 
@@ -167,7 +167,7 @@ mod robot {
         map: &mut RobotMap,
         view: usize,
         workspace: &mut RobotWorkspace,
-    ) -> Result<FixedReport<f32>, Why> {
+    ) -> Result<bearslam::Outcome<f32>, Why> {
         let found = map.add_view(view)?;
         if found.behind > 0 {
             map.poses[view] = None;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Planar structure and motion from bearings alone. Made from src/capi.rs by `make header`.
+// Planar structure and motion from bearings alone. Made from src/capi/ by `make header`.
 //
 // Angles are radians. A pose is x, y, heading, a landmark x, y; arrays are row by row. A bearing that is NaN has
 // not been seen. Nothing is allocated and no call keeps a pointer. Every pointer must have room for the numbers

@@ -3,8 +3,8 @@
 
 mod align_to_priors;
 pub(crate) mod bundle;
+mod bundle_adjustment;
 pub(crate) mod cholesky;
-mod descent;
 pub(crate) mod gauge;
 pub(crate) mod linearized;
 mod newton;
@@ -15,5 +15,5 @@ pub(crate) mod schur;
 mod sparse;
 
 pub(crate) use align_to_priors::fitted;
-pub use refine::{RefineOptions, Report, Watch, refine_map};
+pub use refine::{Report, Watch, refine_map};
 pub(crate) use refine::{cost, cost_of_ties};

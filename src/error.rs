@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What can be wrong with the input or with the geometry.
 
+mod degeneracy;
+
+pub use degeneracy::Degeneracy;
+
 use core::fmt;
 
 /// Wrong input, or a geometry that does not determine the answer.
@@ -52,7 +56,7 @@ pub enum Error {
         index: usize,
     },
     /// A standard deviation so large that no bearing could be told from a wrong one.
-    TooCoarse {
+    SigmaTooLarge {
         /// The argument.
         what: &'static str,
         /// Where in it.
@@ -102,15 +106,15 @@ pub enum Error {
     },
     /// The data do not determine the answer.
     Degenerate {
-        /// The quantity that was tested.
-        quantity: &'static str,
-        /// Its value.
+        /// The test that failed.
+        kind: Degeneracy,
+        /// The value of its quantity.
         value: f64,
         /// The bound that it violates.
         bound: f64,
     },
-    /// Bearings that are known modulo pi only, where a method needs rays.
-    NeedsRays {
+    /// Bearings that are known modulo pi only, where a method needs oriented ones.
+    NeedsOriented {
         /// The method.
         what: &'static str,
     },
@@ -128,7 +132,15 @@ pub enum Error {
     /// The caller asked to stop.
     Interrupted,
     /// The system gives no threads.
-    Threads,
+    NoThreads,
+}
+
+impl Error {
+    /// Whether the whole call ends with this error, where another attempt could follow others:
+    /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+    pub const fn stops_all(&self) -> bool {
+        matches!(self, Self::Interrupted | Self::OutOfMemory)
+    }
 }
 
 impl fmt::Display for Error {
@@ -160,7 +172,7 @@ impl fmt::Display for Error {
                     "{what}: expected symmetric covariances, got one that is not at index {index}"
                 )
             }
-            Self::TooCoarse {
+            Self::SigmaTooLarge {
                 what,
                 index,
                 value,
@@ -197,18 +209,14 @@ impl fmt::Display for Error {
             Self::TooLarge { what, bound, got } => {
                 write!(f, "{what}: expected at most {bound}, got {got}")
             }
-            Self::Degenerate {
-                quantity,
-                value,
-                bound,
-            } => {
+            Self::Degenerate { kind, value, bound } => {
+                let (quantity, advice) = (kind.quantity(), kind.advice());
                 write!(
                     f,
-                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}; add landmarks off \
-                     their common line or circle, or views from other places"
+                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}; {advice}"
                 )
             }
-            Self::NeedsRays { what } => {
+            Self::NeedsOriented { what } => {
                 write!(
                     f,
                     "{what}: expected oriented bearings, got bearings known modulo pi"
@@ -225,7 +233,7 @@ impl fmt::Display for Error {
             ),
             Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),
             Self::Interrupted => write!(f, "interrupted by the caller"),
-            Self::Threads => write!(f, "the system gives no more threads"),
+            Self::NoThreads => write!(f, "the system gives no more threads"),
         }
     }
 }

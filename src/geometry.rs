@@ -3,7 +3,6 @@
 
 mod align;
 mod bearing;
-#[cfg(feature = "alloc")]
 pub(crate) mod points;
 
 pub use align::{align, transform_pose};

@@ -2,26 +2,30 @@
 //! Closed-form estimators of fixed size: no heap, constant memory for any number of landmarks.
 
 mod calibrated;
-mod complement;
 mod gram;
+mod lanes;
 mod motion;
-mod pair;
+mod null_space;
+mod null_vector_5x6;
 mod projective;
 mod resect;
+mod signs;
 mod tensor;
 mod three_view;
 mod triangular;
 mod triangulate;
+mod view_triangle;
 
 pub use calibrated::CalibratedTensor;
 pub use motion::Motion;
 pub use projective::{
     Epipoles, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
 };
+pub(crate) use resect::MIN_LANDMARKS_OF_VIEW;
 pub use resect::{Resection, resect};
 pub use tensor::TrifocalTensor;
 pub use three_view::{Method, ThreeView, three_view, three_view_with_landmarks, trifocal_tensor};
-pub use triangular::{NullSpace, TriangularFactor};
+pub(crate) use triangulate::MIN_VIEWS_OF_LANDMARK;
 pub use triangulate::{Triangulation, triangulate};
 
 use crate::error::Error;

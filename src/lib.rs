@@ -22,7 +22,7 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
-//! | `lm` | nonlinear least squares: losses, termination | `core` |
+//! | `lm` | nonlinear least squares: one engine, one linearised bearing | `core` |
 //! | `fixed` | maps in storage of the caller: growth and refinement | `core` |
 //! | `problem` | sightings, odometry and priors; poses and landmarks | `alloc` |
 //! | `adjustment` | residuals, normal equations, refinement | `alloc` |
@@ -81,18 +81,22 @@ mod sweep;
 mod uncertainty;
 
 #[cfg(feature = "alloc")]
-pub use adjustment::{RefineOptions, Report, Watch, refine_map};
+pub use adjustment::{Report, Watch, refine_map};
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
 pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
-pub use error::Error;
-pub use fixed::{Branch, FixedMap, FixedOptions, FixedReport, Workspace};
+pub use error::{Degeneracy, Error};
+pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
 };
-pub use kernels::*;
-pub use lm::{Loss, Termination};
+pub use kernels::{
+    CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,
+    TrifocalTensor, Triple, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
+    resect, three_view, three_view_with_landmarks, triangulate, trifocal_tensor,
+};
+pub use lm::{Loss, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{
     LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Seen, Sighting, Subject, Undetermined,
@@ -107,7 +111,7 @@ pub use scalar::Real;
 pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
 #[cfg(feature = "rayon")]
 pub use sweep::{
-    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Outcome, Quantity, Start, Tally, Trial, sweep,
+    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
 };
 #[cfg(feature = "alloc")]
 pub use uncertainty::{Covariance, Frame, covariance};

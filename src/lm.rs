@@ -1,8 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Nonlinear least squares, whatever the storage.
+//! Non-linear least squares, whatever the storage: one loop, one linearised bearing, one landmark step.
+//!
+//! Nothing here allocates or panics. The bundles on the heap and the maps of fixed size are
+//! [`LeastSquares`] problems for [`minimize`].
 
 mod loss;
+mod minimize;
+mod options;
+mod sighting;
 mod termination;
 
 pub use loss::Loss;
+pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
+pub use options::RefineOptions;
+pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use termination::Termination;

@@ -7,8 +7,8 @@ mod priors;
 mod problem;
 mod subject;
 
+pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::Map;
-pub(crate) use map::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub(crate) use priors::Tie;
 pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};

@@ -12,7 +12,7 @@ mod result;
 mod robust;
 pub(crate) mod search;
 mod solve;
-mod strategy;
+pub(crate) mod strategy;
 
 pub use options::{Progress, Search, SolveOptions, Strategy};
 pub use result::Reconstruction;

@@ -5,7 +5,7 @@ mod tally;
 mod trial;
 
 pub use tally::{BINS_PER_OCTAVE, Histogram, Quantity, Tally};
-pub use trial::{Outcome, Start, Trial};
+pub use trial::{Start, Trial, TrialOutcome};
 
 use crate::error::Error;
 use crate::simulate::Layout;
@@ -49,7 +49,7 @@ pub struct Chunk {
 ///
 /// # Errors
 /// Those of [`simulate`](crate::simulate); [`Error::Interrupted`] when `watch` says so;
-/// [`Error::Threads`] when the system gives no threads.
+/// [`Error::NoThreads`] when the system gives no threads.
 ///
 /// # Example
 /// ```
@@ -75,7 +75,7 @@ pub fn sweep(
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|_| Error::Threads)?;
+        .map_err(|_| Error::NoThreads)?;
     let stop = AtomicBool::new(false);
     let (sender, receiver) = channel();
     pool.in_place_scope(|scope| {

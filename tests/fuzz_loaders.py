@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 import bearslam
-from bearslam import g2o_file
+from bearslam.io import g2o
 
 FOLDERS = 0.2
 """Share of folders among what is damaged."""
@@ -79,7 +79,7 @@ EDGE3 0 1 2
 def written() -> str:
     """What bearslam writes of a file with everything, exact numbers behind the lines included."""
     turned = G2O.replace("EDGE_PRIOR_SE2 1 1 2 0.5 0 0 0 0 0 2500", "EDGE_PRIOR_SE2 1 1 2 0.5 100 3 2 25 1 400")
-    return g2o_file.render(g2o_file.parse(turned.encode(), "seed.g2o"))
+    return g2o.render(g2o.parse(turned.encode(), "seed.g2o"))
 
 
 SEEDS: dict[str, bytes] = {
@@ -363,10 +363,10 @@ def attempt(folder: Path, name: str, data: bytes) -> str:
     assert took < SECONDS, f"took {took:.1f} s"
     if outcome == "read" and problem.sightings.sigma is not None:
         try:
-            text = g2o_file.render(problem)
+            text = g2o.render(problem)
         except bearslam.InvalidInputError:
             return "read, not written"
-        assert same(g2o_file.parse(text.encode(), "again.g2o"), problem), "does not come back from g2o"
+        assert same(g2o.parse(text.encode(), "again.g2o"), problem), "does not come back from g2o"
     return outcome
 
 

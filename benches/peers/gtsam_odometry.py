@@ -133,7 +133,9 @@ def compare(views: int, repeat: int, start: str, seed: int) -> str:
     ours, theirs, ratios = [], [], []
     for _ in range(repeat):
         one, result = timed(
-            lambda: bearslam.refine(scene.bearings, first, sigma=NOISE, odometry=odometry, tolerance=1e-9)
+            lambda: bearslam.refine(
+                scene.bearings, first, sigma=NOISE, odometry=odometry, refinement=bearslam.RefineOptions(tolerance=1e-9)
+            )
         )
         optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, parameters)
         other, found = timed(optimizer.optimize)

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.align import wrap
 from bearslam.cli import main as bearslam_command
-from bearslam.maps import Map
+from bearslam.data.align import wrap
+from bearslam.data.maps import Map
 
 Array = NDArray[np.float64]
 GROSS = np.radians(5)

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.align import wrap
 from bearslam.cli import main as bearslam_command
+from bearslam.data.align import wrap
 
 Array = NDArray[np.float64]
 NAME = re.compile(r"\(X(?P<x>[\d.]+),Y(?P<y>[\d.]+)\)\.csv")
@@ -64,7 +64,7 @@ def quantiles(errors: Array) -> str:
 
 def draw(beacons: Array, truth: Array, result: bearslam.Reconstruction, path: str) -> None:
     """The nine positions with their ellipses, over the truth."""
-    from bearslam.plot import draw_to_file
+    from bearslam.plotting.map import draw_to_file
 
     draw_to_file(result, path, truth=(truth, beacons))
 

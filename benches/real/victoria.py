@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.align import wrap
 from bearslam.cli import main as bearslam_command
+from bearslam.data.align import wrap
 
 Array = NDArray[np.float64]
 LASER = (3.78, 0.5)

@@ -3,9 +3,9 @@
 
 Poses of robots and positions of landmarks from nothing but the angles at which the robots see the landmarks, with no
 initial guess; odometry and priors are used where there are any. A pose is (x, y, theta); a bearing is measured in the
-frame of the robot, counter-clockwise from its heading; all angles are radians. Bearings know no position, rotation or
-scale of the whole: what nothing else says of these, a map is given with its first view at the origin, heading 0, and
-the root-mean-square distance of the other views from it 1.
+frame of the robot, counter-clockwise from its heading; all angles are in radians. Bearings do not determine position,
+rotation and scale of the whole map: unless odometry or priors do, the first view is at the origin with heading 0, and
+the root-mean-square distance of the other views from it is 1.
 
 >>> import bearslam
 >>> scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
@@ -14,19 +14,23 @@ True
 """
 
 from bearslam._core import __version__
-from bearslam.align import Similarity, align
-from bearslam.diagnose import Diagnosis, Finding, NullDirection, diagnose
+from bearslam.data.align import Similarity, align
+from bearslam.data.estimate import Undetermined
+from bearslam.data.options import RefineOptions, SearchOptions
+from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
+from bearslam.data.problem import Problem
+from bearslam.data.sightings import Offsets, Sightings
 from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
-from bearslam.files import load, save
-from bearslam.montecarlo.result import SweepResult
-from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import Offsets, Problem, Sightings
-from bearslam.reconstruction import Reconstruction, Undetermined
-from bearslam.resect import resect
-from bearslam.simulate import Scene, simulate
-from bearslam.solve import initialize, refine, solve
-from bearslam.sweep import sweep
-from bearslam.three_view import (
+from bearslam.io.files import load, save
+from bearslam.io.truth import load_truth
+from bearslam.montecarlo.sweep_result import SweepResult
+from bearslam.reconstruction import Reconstruction
+from bearslam.verbs.diagnose import Diagnosis, Finding, NullDirection, diagnose
+from bearslam.verbs.resect import resect
+from bearslam.verbs.simulate import Scene, simulate
+from bearslam.verbs.solve import initialize, refine, solve
+from bearslam.verbs.sweep import sweep
+from bearslam.verbs.three_view import (
     ThreeViewBatch,
     ThreeViewSolution,
     epipoles,
@@ -34,8 +38,7 @@ from bearslam.three_view import (
     three_view_batch,
     trifocal_tensor,
 )
-from bearslam.triangulate import triangulate
-from bearslam.truth import load_truth
+from bearslam.verbs.triangulate import triangulate
 
 __all__ = [
     "BearslamError",
@@ -51,7 +54,9 @@ __all__ = [
     "PosePriors",
     "Problem",
     "Reconstruction",
+    "RefineOptions",
     "Scene",
+    "SearchOptions",
     "Sightings",
     "Similarity",
     "SweepResult",
@@ -76,3 +81,7 @@ __all__ = [
     "triangulate",
     "trifocal_tensor",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

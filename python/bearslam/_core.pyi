@@ -7,6 +7,9 @@ from typing import Final, TypedDict, type_check_only
 import numpy as np
 from numpy.typing import NDArray
 
+from bearslam.data.options import Settings
+from bearslam.data.request import Request
+
 _Float = NDArray[np.float64]
 _Index = NDArray[np.int64]
 
@@ -21,35 +24,23 @@ class RawThreeView(TypedDict):
     near_collinear: bool
 
 @type_check_only
-class RawProblem(TypedDict):
-    views: int
-    landmarks: int
-    view: _Index
-    landmark: _Index
-    bearing: _Float
-    sigma: _Float
-    oriented: bool
-    odometry: tuple[_Index, _Index, _Float, _Float] | None
-    pose_priors: tuple[_Index, _Float, _Float] | None
-    landmark_priors: tuple[_Index, _Float, _Float] | None
-
-@type_check_only
 class RawSearch(TypedDict):
-    method: str
     triples: int
     grown: int
     candidates: int
     swept: int
-    seed: int
-    robust: bool
 
 @type_check_only
-class RawRefine(TypedDict):
+class RawRefinement(TypedDict):
     max_iterations: int
     damping: float
     tolerance: float
-    loss: str
     loss_scale: float | None
+
+@type_check_only
+class Defaults(TypedDict):
+    search: RawSearch
+    refinement: RawRefinement
 
 @type_check_only
 class RawReconstruction(TypedDict):
@@ -59,6 +50,7 @@ class RawReconstruction(TypedDict):
     inliers: NDArray[np.bool_]
     cost: float
     rms: float
+    freedom: int
     sensitivity: float
     uncertainty: float
     converged: bool
@@ -69,6 +61,31 @@ class RawReconstruction(TypedDict):
     pose_covariance: _Float | None
     landmark_covariance: _Float | None
     covariance_frame: str | None
+
+@type_check_only
+class RawComponent(TypedDict):
+    views: list[int]
+    landmarks: list[int]
+    sightings: int
+    freedom: int
+
+@type_check_only
+class RawDirection(TypedDict):
+    free: bool
+    singular_value: float
+    deviation: float
+    movers: list[tuple[str, int, float]]
+    cause: str | None
+
+@type_check_only
+class RawFinding(TypedDict):
+    name: str
+    severity: str
+    views: list[int]
+    landmarks: list[int]
+    directions: int
+    message: str
+    advice: str
 
 @type_check_only
 class RawDiagnosis(TypedDict):
@@ -82,9 +99,9 @@ class RawDiagnosis(TypedDict):
     noise: float
     near_collinear: bool
     mirror_margin: float
-    components: list[tuple[list[int], list[int], int, int]]
-    null_directions: list[tuple[bool, float, float, list[tuple[str, int, float]], str | None]]
-    findings: list[tuple[str, str, list[int], list[int], int, str, str]]
+    components: list[RawComponent]
+    null_directions: list[RawDirection]
+    findings: list[RawFinding]
     text: str
 
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
@@ -93,26 +110,23 @@ def epipoles(tensor: _Float) -> _Float: ...
 def triangulate(poses: _Float, bearings: _Float) -> _Float: ...
 def resect(landmarks: _Float, bearings: _Float) -> _Float: ...
 def align(source: _Float, target: _Float) -> tuple[float, float, float, float]: ...
+def defaults() -> Defaults: ...
 def initialize(
-    problem: RawProblem, search: RawSearch, refine: RawRefine, progress: Callable[[str, int, int], object] | None
+    request: Request, settings: Settings, progress: Callable[[str, int, int], object] | None
 ) -> list[RawReconstruction]: ...
 def solve(
-    problem: RawProblem,
-    search: RawSearch,
-    refine: RawRefine,
-    covariance: str | None,
-    progress: Callable[[str, int, int], object] | None,
+    request: Request, settings: Settings, covariance: str | None, progress: Callable[[str, int, int], object] | None
 ) -> list[RawReconstruction]: ...
 def refine(
-    problem: RawProblem,
+    request: Request,
+    settings: Settings,
     poses: _Float,
     landmarks: _Float,
-    refine: RawRefine,
     covariance: str | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawReconstruction: ...
 def diagnose(
-    problem: RawProblem,
+    request: Request,
     poses: _Float | None,
     landmarks: _Float | None,
     progress: Callable[[str, int, int], object] | None,

@@ -1,76 +1,77 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The exceptions of the package: bad input and degenerate geometry are told apart by type."""
+"""The exceptions of the package: bad input and degenerate geometry are told apart by type.
+
+This is the lowest layer, so the results that errors carry are typed as `object` here; the docstrings say what they are.
+"""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from bearslam.diagnose import Diagnosis
-    from bearslam.montecarlo.result import SweepResult
+from typing import Any
 
 __all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
 
 
 class BearslamError(Exception):
-    """Base of every error that bearslam raises on purpose."""
+    """Base class of the errors of bearslam."""
 
 
 class InvalidInputError(BearslamError, ValueError):
-    """Input that no geometry could satisfy: wrong shape, dtype, range or count, an unreadable file.
+    """Invalid input: wrong shape, dtype, range or count, or an unreadable file.
 
-    The message names the argument (or file and line), what was expected and what came.
+    The message names the argument (or file and line), what was expected and what it got.
     """
 
 
 class DegenerateError(BearslamError, ArithmeticError):
-    """Well-formed input whose geometry leaves the answer undetermined.
+    """Valid input whose geometry does not determine the answer.
 
     Parameters
     ----------
     message : str
-        What could not be determined, and why.
-    quantity : str
-        Name of the number that failed, for example ``"singular value gap"``.
+        What is not determined, and why.
+    kind : str
+        Name of the degeneracy, for programs: ``"parallel_rays"``, for example, or ``"coincident_views"``.
     value : float
-        What it came to.
+        What the number came to that was tested; the message says which.
     bound : float
-        What it would have had to reach.
+        The bound that it would have had to reach.
 
     Attributes
     ----------
-    diagnosis : Diagnosis or None
-        What the bearings leave undetermined, and why, by name; None where nothing was diagnosed.
+    kind, value, bound
+        As above.
+    diagnosis : object
+        The `Diagnosis` of what the bearings leave undetermined, and why; None where nothing was diagnosed.
     """
 
-    diagnosis: Diagnosis | None
+    diagnosis: object
 
-    def __init__(self, message: str, *, quantity: str, value: float, bound: float) -> None:
+    def __init__(self, message: str, *, kind: str, value: float, bound: float) -> None:
         super().__init__(message)
-        self.quantity = quantity
+        self.kind = kind
         self.value = value
         self.bound = bound
         self.diagnosis = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The keyword-only arguments would be lost in the way exceptions are pickled by default.
-        make = partial(type(self), quantity=self.quantity, value=self.value, bound=self.bound)
+        # By default, pickling an exception loses its keyword-only arguments.
+        make = partial(type(self), kind=self.kind, value=self.value, bound=self.bound)
         return make, self.args, self.__dict__
 
 
 class ExecutorError(BearslamError, RuntimeError):
-    """An executor that takes no more work, or fails at the same piece again and again.
+    """An executor that accepts no more work, or keeps failing at the same piece.
 
     Parameters
     ----------
     message : str
         What happened.
-    result : SweepResult
-        What had been done until then.
+    result : object
+        The `SweepResult` of the trials done by then.
     """
 
-    def __init__(self, message: str, *, result: SweepResult) -> None:
+    def __init__(self, message: str, *, result: object) -> None:
         super().__init__(message)
         self.result = result
 

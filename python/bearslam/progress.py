@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Lines that tell how far long work has come, on a terminal."""
+"""Progress of long work: reported to a callback, or shown on a terminal."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self, TextIO
+from typing import Self, TextIO, TypeAlias
 
-from bearslam.coerce import Progress
+__all__ = ["Progress", "ProgressLine", "reporting"]
 
-__all__ = ["ProgressLine", "telling"]
+Progress: TypeAlias = Callable[[str, int, int], object]
+"""Called with the stage, the steps done and the steps in all."""
 
 
 @contextmanager
-def telling(progress: bool | Progress | None, stage: str, done: int, total: int) -> Iterator[Callable[[int], object]]:
-    """Something to call with the number of steps done: it tells a function about them, or shows a bar on a terminal."""
+def reporting(progress: bool | Progress | None, stage: str, done: int, total: int) -> Iterator[Callable[[int], object]]:
+    """A function to call with the number of steps done, which passes it on to a callback or shows it as a bar."""
     if callable(progress):
         yield lambda now: progress(stage, now, total)
     elif progress and sys.stderr is not None:
@@ -31,9 +32,9 @@ def telling(progress: bool | Progress | None, stage: str, done: int, total: int)
 
 
 class ProgressLine:
-    """Progress of work as one line that is written over, once it has gone on for longer than `patience` [s].
+    """Progress as one line that is overwritten, shown once the work has taken longer than `patience` [s].
 
-    Nothing is written where the stream is not a terminal.
+    Nothing is written if the stream is not a terminal.
     """
 
     def __init__(self, stream: TextIO | None = None, patience: float = 1.0) -> None:
@@ -43,7 +44,7 @@ class ProgressLine:
         self._width = 0
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Show that so many steps of a stage are done."""
+        """Show how many steps of a stage are done."""
         now = time.monotonic()
         if not self._on or now < self._due:
             return

@@ -1,177 +1,70 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What comes out: poses, landmarks and how well they explain the bearings."""
+"""A reconstruction: an estimate that can plot itself, save itself, and hand itself over to other programs."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bearslam.coerce import FloatArray
-from bearslam.priors import LandmarkPriors, Odometry, PosePriors
-from bearslam.problem import Sightings
+from bearslam.data.estimate import Estimate, Termination, Undetermined
+from bearslam.data.maps import MapLike
+from bearslam.data.options import CovarianceFrame, Settings
+from bearslam.data.request import Request
+from bearslam.io import files, gtsam
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bearslam.maps import MapLike
+    from bearslam._core import RawReconstruction
 
-__all__ = ["FRAMES", "CovarianceFrame", "Reconstruction", "Termination", "Undetermined", "outliers", "per_sighting"]
-
-Entry = TypeVar("Entry", bound=np.generic)
-
-Termination: TypeAlias = Literal[
-    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "singular"
-]
-"""Why a refinement ended. The second, third and fourth are minima: the last step lowered the cost by less than the
-tolerance, there is nothing left to lower, or no step lowers it."""
-
-CovarianceFrame: TypeAlias = Literal["first_view", "free_network", "priors"]
-"""What is held while the rest varies."""
-FRAMES: tuple[CovarianceFrame, ...] = get_args(CovarianceFrame)
-
-
-@dataclass(frozen=True)
-class Undetermined:
-    """A view or landmark that the sightings do not determine.
-
-    Attributes
-    ----------
-    kind : {"view", "landmark"}
-        Which of the two.
-    index : int
-        Its row in `Reconstruction.poses` or `Reconstruction.landmarks`, which is NaN.
-    reason : str
-        What is missing.
-    """
-
-    kind: Literal["view", "landmark"]
-    index: int
-    reason: str
+__all__ = ["Reconstruction", "best_with_alternatives", "from_core"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reconstruction:
+class Reconstruction(Estimate):
     """A map, and how well it explains the bearings.
 
     `plot` draws it, `save` writes it to a file, and `to_gtsam` hands it over to GTSAM.
 
     Attributes
     ----------
-    poses : (m, 3) ndarray
-        Position and heading (x, y, theta) of each view, heading in (-pi, pi]; NaN where undetermined. From bearings
-        alone, the first determined view is at the origin with heading 0, and the root-mean-square distance of the other
-        views from it is 1: bearings know no scale [that distance, rad]. Odometry and priors say more: the scale is that
-        of the odometry, or of two known positions; the rotation that of a known heading or two known positions; the
-        place that of a known position. What they leave open is as without them.
-    landmarks : (n, 2) ndarray
-        Positions in the same frame; NaN where undetermined.
-    sightings : Sightings
-        The sightings that were explained, each with its standard deviation, in the order of `residuals`; those of an
-        (m, n) array row by row.
-    residuals : (m, n) or (k,) ndarray
-        Predicted minus measured bearing, in (-pi, pi], or (-pi/2, pi/2] of bearings that are not oriented, in the shape
-        of the problem; NaN where nothing was seen or nothing can be predicted [rad].
-    cost : float
-        Half the sum of the losses of residual over standard deviation, and of the squares of those of odometry and
-        priors. With ``robust=True`` no bearing counts for more than 9, the square of three standard deviations.
-    rms : float
-        Root mean square of the residuals, with ``robust=True`` of the inliers [rad].
-    sensitivity : float
-        Predicted standard deviation of the map, as a share of its size, in the direction that the bearings hold least,
-        for residuals of one standard deviation. NaN where it was not computed: for alternatives and by `initialize`.
-    uncertainty : float
-        The same for residuals as large as they are. Above 0.2 be careful, near and above 1 the bearings do not
-        determine the map, however well it explains them. It is computed at the map: where noise has been taken for
-        parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to judge the noise by.
-    converged : bool
-        Whether the refinement ended in a minimum. False where there was no refinement.
-    termination : str
-        Why the refinement ended: "converged" (a further step would lower the cost by less than the tolerance),
-        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations", "singular";
-        "not_refined" where there was none.
-    iterations : int
-        Steps that the refinement took.
-    inliers : (m, n) or (k,) ndarray of bool
-        Sightings that the map explains, in the shape of the problem: all with a residual, or with ``robust=True`` those
-        within three standard deviations, with ``loss="truncated"`` those within its width. False where nothing was seen
-        or nothing can be predicted.
-    undetermined : tuple of Undetermined
-        The views and landmarks that are NaN, with the reason.
-    alternatives : tuple of Reconstruction
-        Other maps that explain the bearings nearly as well, for example the mirror branch, best first.
-    components : tuple of Reconstruction
-        Maps of other views, that too few common landmarks tie to this one: the largest first, each in a gauge of its
-        own, NaN beyond its views and landmarks. A landmark may be in several. What is `undetermined` is in none.
-    pose_covariance : (m, 3, 3) ndarray, or None
-        Covariance of each pose (x, y, theta), in the axes of the map, for the standard deviations that the problem
-        states, to first order [squares of the units of `poses`]. Infinite variances, and NaN beside them, are those of
-        what nothing holds; all is NaN where the pose is. None where it was not asked for, and for alternatives and
-        components.
-    landmark_covariance : (n, 2, 2) ndarray, or None
-        The same for each landmark (x, y).
-    covariance_frame : {"first_view", "free_network", "priors"}, or None
-        What is held while the rest varies: a covariance means nothing without it; see `solve`.
-    oriented : bool
-        Whether bearings were taken as rays. If False they are lines, and every heading is known modulo pi only, each
-        for itself: it is given in (-pi/2, pi/2], unless odometry or priors tell more.
-    odometry : Odometry, or None
-    pose_priors : PosePriors, or None
-    landmark_priors : LandmarkPriors, or None
-        What the map was made from besides sightings.
-    view_ids, landmark_ids : tuple of str, or None
-        The names that views and landmarks have in the file that the problem came from.
+    poses, landmarks
+        The map.
+    sightings, residuals, inliers, cost, rms, freedom
+        How well it explains the bearings.
+    sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
+        How well the bearings determine it.
+    converged, termination, iterations
+        How the refinement ended.
+    undetermined, alternatives, components
+        What it leaves out, and other maps.
+    oriented, odometry, pose_priors, landmark_priors, view_ids, landmark_ids, settings
+        What it was made from, and how.
+
+    See Also
+    --------
+    bearslam.data.estimate.Estimate : the same attributes, each with its shape and unit.
     """
 
-    poses: FloatArray
-    landmarks: FloatArray
-    sightings: Sightings
-    residuals: FloatArray
-    cost: float
-    rms: float
-    sensitivity: float
-    uncertainty: float
-    converged: bool
-    termination: Termination
-    iterations: int
-    inliers: NDArray[np.bool_]
-    undetermined: tuple[Undetermined, ...] = ()
     alternatives: tuple[Reconstruction, ...] = ()
     components: tuple[Reconstruction, ...] = ()
-    pose_covariance: FloatArray | None = None
-    landmark_covariance: FloatArray | None = None
-    covariance_frame: CovarianceFrame | None = None
-    oriented: bool = True
-    odometry: Odometry | None = None
-    pose_priors: PosePriors | None = None
-    landmark_priors: LandmarkPriors | None = None
-    view_ids: tuple[str, ...] | None = None
-    landmark_ids: tuple[str, ...] | None = None
-
-    def __repr__(self) -> str:
-        missing = f", {len(self.undetermined)} undetermined" if self.undetermined else ""
-        return (
-            f"<Reconstruction: {len(self.poses)} views, {len(self.landmarks)} landmarks{missing}, "
-            f"rms {self.rms:.3g} rad, {self.termination}>"
-        )
 
     def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
         """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
 
-        Where there are covariances, positions have an ellipse that covers 95 % of a Gaussian distribution. Outliers
-        among the bearings are dashed. More than 60 views that odometry joins are lines, one for each robot, with a
-        triangle now and then; what would hide such a map, most of the bearings and of the ellipses of views, is left
-        out, and the legend says so.
+        Positions with covariances have ellipses that cover 95 % of a Gaussian distribution. Outliers among the bearings
+        are dashed. More than 60 views joined by odometry are drawn as lines, one for each robot, with a triangle at
+        intervals; most of the bearings and of the ellipses of views, which would hide such a map, are left out, and
+        the legend says so.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; by default in a new figure.
+            Axes to draw into; by default those of a new figure.
         truth : Scene, Reconstruction or (poses, landmarks), optional
-            Drawn as well, and the map is laid over it by the similarity that fits best.
+            Truth to draw as well; the map is aligned with it by a similarity.
 
         Returns
         -------
@@ -183,17 +76,17 @@ class Reconstruction:
         ImportError
             If matplotlib is not installed (``pip install "bearslam[plot]"``).
         """
-        from bearslam.plot import plot
+        from bearslam.plotting.map import plot
 
         return plot(self, ax, truth)
 
     def view(self, path: str | os.PathLike[str] | None = None, truth: MapLike | None = None) -> None:
         """Open the map in the viewer of Rerun, or write it to a recording that the viewer opens.
 
-        The robots with their ways, the landmarks with their names and all outliers stand still. What a view sees goes
-        along a timeline of the views. The viewer's y points down: so that the map stands upright, it is given -y.
+        Trajectories, named landmarks and outliers are static. What each view sees is shown along a timeline of the
+        views. The y axis of the viewer points down, so that -y is recorded to keep the map upright.
 
-        Writing a recording opens no connection. The viewer is a program of its own, and counts how it is used for its
+        Writing a recording opens no connection. The viewer is a separate program, which sends usage statistics to its
         makers unless ``rerun analytics disable`` has been called once.
 
         Parameters
@@ -201,7 +94,7 @@ class Reconstruction:
         path : str or path-like, optional
             Recording to write, `.rrd`; an existing file is replaced in one step. By default the viewer is opened.
         truth : Scene, Reconstruction or (poses, landmarks), optional
-            Shown as well, in grey, and the map is laid over it by the similarity that fits best.
+            Truth to show as well, in grey; the map is aligned with it by a similarity.
 
         Raises
         ------
@@ -210,76 +103,105 @@ class Reconstruction:
         InvalidInputError
             If the name does not end in `.rrd`.
         OSError
-            If it cannot be written, or the viewer cannot be opened, as without a screen.
+            If the recording cannot be written, or the viewer cannot be opened, for example without a screen.
         """
-        from bearslam.viewer import view
+        from bearslam.plotting.viewer import view
 
         view(self, path, truth)
 
     def save(self, path: str | os.PathLike[str], *, robot: str | int | None = None) -> None:
-        """Write the map to a file: everything to `.json`, the poses and landmarks to `.csv`, and to `.g2o` these and
-        what they were made from, to go on with in other programs; the trajectory of a robot to `.tum`.
+        """Write the map to a file: `.json` keeps everything, `.csv` the poses and landmarks, `.g2o` these and the
+        measurements, for other programs, and `.tum` the trajectory of a robot.
 
-        An existing file is replaced in one step, never left half written.
+        An existing file is replaced in one step and never left half written.
 
         Parameters
         ----------
         path : str or path
-            Where to.
+            File to write.
         robot : str or int, optional
-            For `.tum`: whose views to write, if the names of views, ``robot@time``, are of several robots.
+            For `.tum`: the robot whose views to write, if the names of views, ``robot@time``, are of several robots.
 
         Raises
         ------
         InvalidInputError
-            If the name ends in none of these, or it takes a robot to write a trajectory.
+            If the name has another ending, or a trajectory needs a robot.
         OSError
-            If it cannot be written.
+            If the file cannot be written.
         """
-        from bearslam.files import save
-
-        save(self, path, robot=robot)
+        files.save(self, path, robot=robot)
 
     def to_gtsam(self) -> tuple[Any, Any]:
-        """Hand the map over to GTSAM: factors and initial values, which GTSAM optimises at once.
+        """Hand the map over to GTSAM as factors and initial values, ready to be optimised.
 
-        Views have the keys ``symbol("x", i)``, landmarks ``symbol("l", j)``, with the rows of `poses` and `landmarks`
-        for numbers. What is undetermined is left out, with all that belongs to it; so are outliers.
+        Views have the keys ``symbol("x", i)`` and landmarks ``symbol("l", j)``, where i and j are rows of `poses` and
+        `landmarks`. Undetermined views and landmarks are left out together with their measurements, and so are
+        outliers.
 
-        - A sighting is a ``BearingFactor2D``. A bearing that is a line is that end of it that the landmark is on.
-        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam x, y and
-          theta of it; the two agree to first order in theta.
-        - A prior of a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` of what is known of it; with a
-          covariance a ``PriorFactorPose2``, the same to first order as with motions. One of a landmark is a
+        - A sighting is a ``BearingFactor2D``. A bearing that is a line becomes the ray towards the landmark.
+        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam its x, y
+          and theta; the two agree to first order in theta.
+        - A prior on a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` on the known coordinates, or
+          with a covariance a ``PriorFactorPose2``, which agrees to first order. A prior on a landmark is a
           ``PriorFactorPoint2``.
-        - What all these leave open of place, rotation and scale is held as it is: by priors on the first view, and the
-          scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the map, and
-          cost nothing in the map, so that the optimum is what it would be without.
+        - Position, rotation and scale that these leave free are held at their values: by priors on the first view, and
+          for the scale by a range from it to the farthest view. They are tight, 1e-4 rad and 1e-4 of the size of the
+          map, and have zero cost at the map, so that the optimum does not change.
 
-        Every factor counts with its square, whatever the loss was.
+        Factors have squared errors, whatever the loss was.
 
         Returns
         -------
         gtsam.NonlinearFactorGraph, gtsam.Values
-            The problem, and the map.
+            The factors, and the map as initial values.
 
         Raises
         ------
         ImportError
             If GTSAM is not installed (``pip install gtsam``).
         """
-        from bearslam.gtsam_graph import to_gtsam
-
-        return to_gtsam(self)
+        return gtsam.to_gtsam(self)
 
 
-def per_sighting(result: Reconstruction, values: NDArray[Entry]) -> NDArray[Entry]:
-    """Values in the shape of the problem, one for each of its sightings."""
-    return values[result.sightings.view, result.sightings.landmark] if values.ndim == 2 else values
+def best_with_alternatives(request: Request, settings: Settings, raws: Sequence[RawReconstruction]) -> Reconstruction:
+    """The best of several maps, with the others as its alternatives."""
+    winner, *others = raws
+    return from_core(request, settings, winner, tuple(from_core(request, settings, other) for other in others))
 
 
-def outliers(result: Reconstruction) -> NDArray[np.bool_]:
-    """Which sightings, in their order, the map could explain but does not."""
-    residuals, inliers = per_sighting(result, result.residuals), per_sighting(result, result.inliers)
-    wrong: NDArray[np.bool_] = np.isfinite(residuals) & ~inliers
-    return wrong
+def from_core(
+    request: Request, settings: Settings, raw: RawReconstruction, alternatives: tuple[Reconstruction, ...] = ()
+) -> Reconstruction:
+    """The answer of the core in the shape of the problem."""
+    table = request.table
+    return Reconstruction(
+        poses=raw["poses"],
+        landmarks=raw["landmarks"],
+        sightings=table.sightings,
+        residuals=table.restore(raw["residuals"]),
+        cost=raw["cost"],
+        rms=raw["rms"],
+        sensitivity=raw["sensitivity"],
+        uncertainty=raw["uncertainty"],
+        converged=raw["converged"],
+        termination=cast("Termination", raw["termination"]),
+        iterations=raw["iterations"],
+        freedom=raw["freedom"],
+        inliers=table.restore(raw["inliers"], False),
+        undetermined=tuple(
+            Undetermined(cast("Literal['view', 'landmark']", kind), index, reason)
+            for kind, index, reason in raw["undetermined"]
+        ),
+        alternatives=alternatives,
+        components=tuple(from_core(request, settings, other) for other in raw["components"]),
+        pose_covariance=raw["pose_covariance"],
+        landmark_covariance=raw["landmark_covariance"],
+        covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
+        oriented=request.oriented,
+        odometry=request.odometry,
+        pose_priors=request.pose_priors,
+        landmark_priors=request.landmark_priors,
+        view_ids=table.view_ids,
+        landmark_ids=table.landmark_ids,
+        settings=settings,
+    )

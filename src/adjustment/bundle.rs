@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Parameters, residuals and derivatives of the full problem.
-//!
-//! Residual of a sighting: `r = arg(e^{-i bearing} e^{-i theta} (x - p))`, predicted minus measured in
-//! (-pi, pi], over sigma. With `d = x - p` and `g = (-d_y, d_x) / |d|^2`, (T12):
-//! `dr/dx = g`, `dr/dp = -g`, `dr/dtheta = -1`.
+//! All poses and landmarks of a problem as one bundle of parameters, and its residuals linearised.
 
 use super::prior_rows::{TieRow, linearize};
 use crate::error::Error;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
-use crate::geometry::points::{extent, horizon};
-use crate::geometry::{Pose, signed_angle, transform_pose};
-use crate::lm::Loss;
+use crate::geometry::points::{unit, within_horizon};
+use crate::geometry::{Pose, transform_pose};
+use crate::lm::{BearingRow, Loss, Ray, SightingModel, optimize_landmark};
 use crate::problem::{Map, Problem, Seen};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector3};
@@ -26,7 +20,7 @@ pub struct Bundle {
 /// A problem linearised at a bundle.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    pub sightings: Vec<Row>,
+    pub sightings: Vec<BearingRow>,
     pub ties: Vec<TieRow>,
 }
 
@@ -40,108 +34,19 @@ impl Rows {
     }
 }
 
-/// A sighting linearised: residual and derivatives, all over sigma, and with a loss times the root of its
-/// slope.
-#[derive(Clone, Copy, Debug)]
-pub struct Row {
-    /// Derivative with respect to the landmark, minus that with respect to the position.
-    pub gradient: Vector2<f64>,
-    /// Minus the derivative with respect to the heading: one over sigma.
-    pub weight: f64,
-    /// The residual.
-    pub residual: f64,
-}
-
-impl Row {
-    /// A sighting of a landmark from a pose; a line rather than a ray when not `oriented`.
-    #[inline]
-    fn new(pose: &Pose<f64>, landmark: &Point2<f64>, s: &Seen, oriented: bool) -> Self {
-        let offset = landmark.coords - pose.translation.vector;
-        let ray = pose.rotation.into_inner() * s.bearing.into_inner();
-        let along = ray.re * offset.x + ray.im * offset.y;
-        let across = ray.re * offset.y - ray.im * offset.x;
-        let square = offset.norm_squared();
-        // A landmark exactly on its view may lie in any direction, and pulls nowhere.
-        if square <= 0.0 {
-            return Self {
-                gradient: Vector2::zeros(),
-                weight: s.weight,
-                residual: 0.0,
-            };
-        }
-        // A line may as well point the other way.
-        let (along, across) = if oriented || along >= 0.0 {
-            (along, across)
-        } else {
-            (-along, -across)
-        };
-        let scale = s.weight / square;
-        Self {
-            gradient: Vector2::new(-offset.y * scale, offset.x * scale),
-            weight: s.weight,
-            residual: signed_angle(along, across) * s.weight,
-        }
-    }
-
-    /// A sighting weighted as a loss asks, and what it adds to twice the cost; `PLAIN` for the squares of
-    /// rays, the inner loop of most refinements, which compiles to nothing more than these.
-    #[inline]
-    fn tempered<const PLAIN: bool>(
-        pose: &Pose<f64>,
-        landmark: &Point2<f64>,
-        s: &Seen,
-        oriented: bool,
-        loss: Loss,
-    ) -> (Self, f64) {
-        let mut row = Self::new(pose, landmark, s, PLAIN || oriented);
-        if PLAIN {
-            return (row, row.residual * row.residual);
-        }
-        let (value, slope) = loss.evaluate(row.residual * row.residual);
-        if slope < 1.0 {
-            let root = slope.sqrt();
-            row.gradient *= root;
-            row.weight *= root;
-            row.residual *= root;
-        }
-        (row, value)
-    }
-
-    /// Derivative with respect to the pose `(x, y, theta)`.
-    #[inline]
-    pub fn pose(&self) -> [f64; 3] {
-        [-self.gradient.x, -self.gradient.y, -self.weight]
-    }
-
-    /// Derivative with respect to the landmark `(x, y)`.
-    #[inline]
-    pub fn landmark(&self) -> [f64; 2] {
-        [self.gradient.x, self.gradient.y]
+#[inline]
+fn ray(sighting: &Seen) -> Ray {
+    Ray {
+        bearing: sighting.bearing,
+        weight: sighting.weight,
     }
 }
 
-/// What the views tell about one landmark: information (xx, xy, yy), gradient, sum of losses.
-struct Around {
-    information: [f64; 3],
-    gradient: Vector2<f64>,
-    loss: f64,
-}
-
-impl Around {
-    /// The step of Gauss-Newton; `None` where the views do not fix the landmark.
-    #[inline]
-    fn step(&self) -> Option<Vector2<f64>> {
-        let [xx, xy, yy] = self.information;
-        let determinant = xx * yy - xy * xy;
-        let [x, y]: [f64; 2] = self.gradient.into();
-        let step = Vector2::new(xy * y - yy * x, xy * x - xx * y) / determinant;
-        (determinant > 0.0).then_some(step)
+fn sighting_model(problem: &Problem, loss: Loss) -> SightingModel {
+    SightingModel {
+        oriented: problem.is_oriented(),
+        loss,
     }
-}
-
-/// Whether residuals count with their squares, and bearings are rays.
-fn is_plain(problem: &Problem, loss: Loss) -> bool {
-    problem.is_oriented() && loss == Loss::Squared
 }
 
 impl Bundle {
@@ -163,48 +68,17 @@ impl Bundle {
         }
     }
 
-    /// The extent of the views (where they are in one place, of all) as a power of two, so that
-    /// scaling by it loses no digit.
+    /// The unit of length in which it is refined, see [`unit`].
     pub fn unit(&self) -> Result<f64, Error> {
         let views = self.poses.iter().map(|pose| pose.translation.vector);
-        let all = views
-            .clone()
-            .chain(self.landmarks.iter().map(|point| point.coords));
-        for (index, position) in all.clone().enumerate() {
-            if !(position.x.is_finite() && position.y.is_finite()) {
-                return Err(Error::NotFinite {
-                    what: "positions of the start",
-                    index,
-                });
-            }
-        }
-        let power = |size: f64| 2.0_f64.powf(size.log2().round());
-        let usable = |size: f64| {
-            let unit = power(size);
-            let square = unit * unit;
-            size > 0.0 && square.is_finite() && (1.0 / square).is_finite()
-        };
-        let sizes = [extent(views), extent(all)];
-        match sizes.into_iter().find(|size| usable(*size)) {
-            Some(size) => Ok(power(size)),
-            None => Err(Error::Degenerate {
-                quantity: "extent of the start",
-                value: sizes[1],
-                bound: 0.0,
-            }),
-        }
+        unit(views, self.landmarks.iter().map(|point| point.coords))
     }
 
     /// Brings landmarks that are too far away to be told from infinity to where they can just be.
     pub fn bring_in(&mut self) {
-        let horizon = horizon();
-        let Some(home) = self.poses.first().map(|pose| pose.translation.vector) else {
-            return;
-        };
-        for point in &mut self.landmarks {
-            let offset = point.coords - home;
-            if offset.amax() > horizon {
-                *point = Point2::from(home + (offset / offset.amax()).normalize() * horizon);
+        if let Some(home) = self.poses.first() {
+            for point in &mut self.landmarks {
+                point.coords = within_horizon(point.coords, &home.translation.vector);
             }
         }
     }
@@ -231,10 +105,11 @@ impl Bundle {
 
     /// Linearises everything; returns the cost, half the sum of the losses and of the squares of the ties.
     pub fn linearize(&self, problem: &Problem, loss: Loss, rows: &mut Rows) -> f64 {
-        let mut sum = if is_plain(problem, loss) {
-            self.linearize_sightings::<true>(problem, loss, &mut rows.sightings)
+        let model = sighting_model(problem, loss);
+        let mut sum = if model.is_plain() {
+            self.linearize_sightings::<true>(problem, &model, &mut rows.sightings)
         } else {
-            self.linearize_sightings::<false>(problem, loss, &mut rows.sightings)
+            self.linearize_sightings::<false>(problem, &model, &mut rows.sightings)
         };
         rows.ties.clear();
         for tie in problem.ties() {
@@ -249,16 +124,15 @@ impl Bundle {
     fn linearize_sightings<const PLAIN: bool>(
         &self,
         problem: &Problem,
-        loss: Loss,
-        rows: &mut Vec<Row>,
+        model: &SightingModel,
+        rows: &mut Vec<BearingRow>,
     ) -> f64 {
         rows.clear();
-        let oriented = problem.is_oriented();
         let mut sum = 0.0;
         for (view, pose) in self.poses.iter().enumerate() {
             for s in problem.of_view(view) {
                 let point = &self.landmarks[s.landmark];
-                let (row, value) = Row::tempered::<PLAIN>(pose, point, s, oriented, loss);
+                let (row, value) = BearingRow::weighted::<PLAIN>(pose, point, &ray(s), model);
                 sum += value;
                 rows.push(row);
             }
@@ -266,88 +140,31 @@ impl Bundle {
         sum
     }
 
-    /// Moves a landmark towards its best place for the poses as they are: a step or two of Gauss-Newton,
-    /// as far as the cost falls.
-    ///
-    /// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
-    /// descent may take longer steps (variable projection).
-    pub fn settle_landmark(&mut self, problem: &Problem, loss: Loss, landmark: usize) {
-        if is_plain(problem, loss) {
-            self.settle_on_rays::<true>(problem, loss, landmark);
+    /// Moves a landmark towards its best place for the poses as they are, see [`optimize_landmark`].
+    pub fn optimize_landmark(&mut self, problem: &Problem, loss: Loss, landmark: usize) {
+        let model = sighting_model(problem, loss);
+        if model.is_plain() {
+            self.optimize_landmark_as::<true>(problem, &model, landmark);
         } else {
-            self.settle_on_rays::<false>(problem, loss, landmark);
+            self.optimize_landmark_as::<false>(problem, &model, landmark);
         }
     }
 
-    fn settle_on_rays<const PLAIN: bool>(
+    fn optimize_landmark_as<const PLAIN: bool>(
         &mut self,
         problem: &Problem,
-        loss: Loss,
+        model: &SightingModel,
         landmark: usize,
     ) {
-        let start = self.landmarks[landmark];
-        let at = self.around::<PLAIN>(problem, loss, landmark, &start);
-        let near = |point: &Point2<f64>| point.coords.amax() <= horizon();
-        let Some(first) = at.step().map(|step| start + step).filter(near) else {
-            return;
-        };
-        let there = self.around::<PLAIN>(problem, loss, landmark, &first);
-        if !(there.loss < at.loss) {
-            return;
-        }
-        // Of the second step only the loss is of interest.
-        let second = there.step().map(|step| first + step).filter(near);
-        let lower = |point: &Point2<f64>| {
-            self.loss_around::<PLAIN>(problem, loss, landmark, point) < there.loss
-        };
-        self.landmarks[landmark] = second.filter(lower).unwrap_or(first);
-    }
-
-    /// The sum of the losses of one landmark at a place.
-    #[inline]
-    fn loss_around<const PLAIN: bool>(
-        &self,
-        problem: &Problem,
-        loss: Loss,
-        landmark: usize,
-        point: &Point2<f64>,
-    ) -> f64 {
-        let oriented = problem.is_oriented();
         let seen = problem.of_landmark(landmark).iter();
-        seen.fold(0.0, |sum, &k| {
-            let s = &problem.sightings()[k];
-            let pose = &self.poses[s.view];
-            sum + Row::tempered::<PLAIN>(pose, point, s, oriented, loss).1
-        })
-    }
-
-    /// What the views tell about one landmark at a place.
-    #[inline]
-    fn around<const PLAIN: bool>(
-        &self,
-        problem: &Problem,
-        loss: Loss,
-        landmark: usize,
-        point: &Point2<f64>,
-    ) -> Around {
-        let mut around = Around {
-            information: [0.0; 3],
-            gradient: Vector2::zeros(),
-            loss: 0.0,
-        };
-        let oriented = problem.is_oriented();
-        for &k in problem.of_landmark(landmark) {
-            let s = &problem.sightings()[k];
-            let pose = &self.poses[s.view];
-            let (row, value) = Row::tempered::<PLAIN>(pose, point, s, oriented, loss);
-            let [x, y]: [f64; 2] = row.gradient.into();
-            around.information[0] += x * x;
-            around.information[1] += x * y;
-            around.information[2] += y * y;
-            around.gradient += row.gradient * row.residual;
-            around.loss += value;
-        }
-        around
+        let (best, ..) = optimize_landmark(self.landmarks[landmark], |_, place| {
+            let rows = seen.clone().map(|&k| {
+                let s = &problem.sightings()[k];
+                BearingRow::weighted::<PLAIN>(&self.poses[s.view], place, &ray(s), model)
+            });
+            rows.collect()
+        });
+        self.landmarks[landmark] = best;
     }
 
     /// Applies a step: positions are added to, headings turned.

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The linearised problem, grouped by either end of its sightings, and its gauge.
 
-use super::bundle::{Bundle, Row};
+use super::bundle::Bundle;
 use super::schur::{Grouped, Slot};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, spread};
+use crate::lm::BearingRow;
 use crate::problem::Problem;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector2};
@@ -18,7 +19,7 @@ pub fn keeps_landmarks(problem: &Problem) -> bool {
 /// All sightings linearised, to be grouped by either end.
 pub struct Linearized<'a> {
     pub problem: &'a Problem,
-    pub rows: &'a [Row],
+    pub rows: &'a [BearingRow],
 }
 
 /// Grouped by view: poses go, landmarks stay.

@@ -4,18 +4,18 @@
 //! Where the bearings hardly hold a direction of the map, the curvature that Gauss-Newton leaves out
 //! decides, and it crawls. And the least squares of bearings need not have a minimum at all: the cost
 //! may fall towards an infimum that no map attains, as a landmark slides onto a view and that one
-//! bearing is explained for free, or as a landmark goes to infinity. On these two edges of the space of
+//! bearing is explained for free, or as a landmark goes to infinity. On these two boundaries of the space of
 //! maps there is a smaller problem with a minimum of its own, (T23): it is tried, and kept
 //! when it is lower and the cost rises from it inwards.
 
-use super::bundle::{Bundle, Row, Rows};
+use super::bundle::{Bundle, Rows};
+use super::bundle_adjustment::{BundleAdjustment, StepSolver};
 use super::cholesky;
-use super::descent::{Descent, Rest, System};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, horizon, spread};
-use crate::lm::Termination;
+use crate::lm::{BearingRow, Termination};
 use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -30,63 +30,64 @@ const TOUCHING: f64 = 0.05;
 /// A landmark is tried at infinity when it is this much farther from the middle of the views than they.
 const FAR: f64 = 20.0;
 
-/// An edge that was not lower is tried again when the landmark is this part nearer to it.
+/// A boundary that was not lower is tried again when the landmark is this part nearer to it.
 const CLOSER: f64 = 0.1;
 
-/// Iterations within which an edge must come out lower.
+/// Iterations within which a boundary must come out lower.
 const ATTEMPT: usize = 10;
 
-/// Ends a descent by Newton's method, on the edges of the space of maps where that is lower.
+/// Ends an adjustment by Newton's method, on the boundaries of the space of maps where that is lower.
 ///
 /// # Errors
-/// As [`Descent::run`].
-pub fn finish(descent: &mut Descent<'_, '_>) -> Result<Termination, Error> {
-    let limit = descent.options.max_iterations;
-    let mut newton = Newton::new(descent.problem);
+/// As [`BundleAdjustment::run`].
+pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
+    let limit = adjustment.options.max_iterations;
+    let mut newton = Newton::new(adjustment.problem);
     loop {
-        let attempt = match newton.edges.last() {
-            Some(edge) if descent.cost >= edge.cost => limit.min(descent.iterations + ATTEMPT),
+        let attempt = match newton.boundaries.last() {
+            Some(entered) if adjustment.cost >= entered.cost => {
+                limit.min(adjustment.iterations + ATTEMPT)
+            }
             _ => limit,
         };
-        let rest = descent.run(&mut newton, attempt)?;
-        let termination = match rest {
-            Rest::Paused => {
-                if let Some((place, distance)) = newton.next.take() {
-                    newton.enter(place, distance, descent);
-                }
-                continue;
-            }
-            Rest::Ended(termination) => termination,
-        };
-        if let Some(wrong) = newton.wrong_edge(descent) {
-            newton.leave(wrong, descent);
-        } else if termination != Termination::MaxIterations || descent.iterations == limit {
-            newton.step_inside(descent);
+        let termination = adjustment.run(&mut newton, attempt)?;
+        if let Some((boundary, distance)) = newton.next.take() {
+            newton.enter(boundary, distance, adjustment);
+            continue;
+        }
+        if let Some(wrong) = newton.wrong_boundary(adjustment) {
+            newton.leave(wrong, adjustment);
+        } else if termination != Termination::MaxIterations || adjustment.iterations == limit {
+            newton.step_inside(adjustment);
             return Ok(termination);
         }
-        if descent.iterations == limit {
+        if adjustment.iterations == limit {
             return Ok(Termination::MaxIterations);
         }
     }
 }
 
-/// Whether a landmark is so near to an edge that the minimum may lie there.
-pub fn near_edge(descent: &Descent<'_, '_>) -> bool {
-    Newton::new(descent.problem).pauses(&descent.bundle, &descent.rows, descent.cost)
+/// Whether a landmark is so near to a boundary that the minimum may lie there.
+pub fn near_boundary(adjustment: &BundleAdjustment<'_, '_>) -> bool {
+    Newton::new(adjustment.problem).wants_pause(
+        &adjustment.bundle,
+        &adjustment.rows,
+        adjustment.cost,
+    )
 }
 
 /// Where a landmark may leave the plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+enum Boundary {
     /// On the view of a sighting, by index.
     View(usize),
     /// At infinity.
     Infinity(usize),
 }
 
-/// An edge that is tried or kept.
-struct Edge {
-    place: Place,
+/// A boundary that is tried or kept.
+struct BoundaryTrial {
+    boundary: Boundary,
     /// How far off the landmark was, and the bundle and its cost then.
     distance: f64,
     bundle: Bundle,
@@ -107,11 +108,11 @@ enum Column {
 /// The second-order model of the cost in all parameters.
 struct Newton<'a> {
     problem: &'a Problem,
-    edges: Vec<Edge>,
-    /// Edges that were not lower, and how far off the landmark was.
-    refused: Vec<(Place, f64)>,
-    /// The edge to be tried next.
-    next: Option<(Place, f64)>,
+    boundaries: Vec<BoundaryTrial>,
+    /// Boundaries that were not lower, and how far off the landmark was.
+    refused: Vec<(Boundary, f64)>,
+    /// The boundary to be tried next.
+    next: Option<(Boundary, f64)>,
     columns: Vec<Column>,
     /// Lower triangles, row by row: of Gauss-Newton, of Newton, and the factor.
     normal: Vec<f64>,
@@ -125,7 +126,7 @@ impl<'a> Newton<'a> {
     fn new(problem: &'a Problem) -> Self {
         let mut newton = Self {
             problem,
-            edges: Vec::new(),
+            boundaries: Vec::new(),
             refused: Vec::new(),
             next: None,
             columns: Vec::new(),
@@ -144,13 +145,13 @@ impl<'a> Newton<'a> {
         let mut count = 3 * self.problem.views();
         self.columns.clear();
         for landmark in 0..self.problem.landmarks() {
-            let edge = self
-                .edges
+            let trial = self
+                .boundaries
                 .iter()
-                .find(|edge| self.landmark(edge.place) == landmark);
-            let (column, width) = match edge.map(|edge| edge.place) {
-                Some(Place::View(k)) => (Column::View(3 * self.problem.sightings()[k].view), 0),
-                Some(Place::Infinity(_)) => (Column::Direction(count), 1),
+                .find(|trial| self.landmark(trial.boundary) == landmark);
+            let (column, width) = match trial.map(|trial| trial.boundary) {
+                Some(Boundary::View(k)) => (Column::View(3 * self.problem.sightings()[k].view), 0),
+                Some(Boundary::Infinity(_)) => (Column::Direction(count), 1),
                 None => (Column::Point(count), 2),
             };
             self.columns.push(column);
@@ -160,77 +161,77 @@ impl<'a> Newton<'a> {
         self.gradient.resize(count, 0.0);
     }
 
-    fn landmark(&self, place: Place) -> usize {
+    fn landmark(&self, place: Boundary) -> usize {
         match place {
-            Place::View(k) => self.problem.sightings()[k].landmark,
-            Place::Infinity(landmark) => landmark,
+            Boundary::View(k) => self.problem.sightings()[k].landmark,
+            Boundary::Infinity(landmark) => landmark,
         }
     }
 
-    /// Puts a landmark on an edge.
-    fn enter(&mut self, place: Place, distance: f64, descent: &mut Descent<'_, '_>) {
-        let mut bundle = descent.bundle.clone();
+    /// Puts a landmark on a boundary.
+    fn enter(&mut self, place: Boundary, distance: f64, adjustment: &mut BundleAdjustment<'_, '_>) {
+        let mut bundle = adjustment.bundle.clone();
         match place {
-            Place::View(k) => {
+            Boundary::View(k) => {
                 let s = &self.problem.sightings()[k];
                 bundle.landmarks[s.landmark] = bundle.poses[s.view].translation.vector.into();
             }
-            Place::Infinity(landmark) => {
+            Boundary::Infinity(landmark) => {
                 let (middle, _) = middle(&bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon());
+                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon::<f64>());
             }
         }
-        let before = core::mem::replace(&mut descent.bundle, bundle);
-        self.edges.push(Edge {
-            place,
+        let before = core::mem::replace(&mut adjustment.bundle, bundle);
+        self.boundaries.push(BoundaryTrial {
+            boundary: place,
             distance,
             bundle: before,
-            cost: descent.cost,
+            cost: adjustment.cost,
         });
         self.number();
-        descent.relinearize();
+        adjustment.relinearize();
     }
 
-    /// Goes back to where an edge was entered, and does not try it again soon.
-    fn leave(&mut self, wrong: usize, descent: &mut Descent<'_, '_>) {
-        if let Some(edge) = self.edges.drain(wrong..).next() {
-            self.refused.retain(|(place, _)| *place != edge.place);
-            self.refused.push((edge.place, edge.distance));
-            descent.bundle = edge.bundle;
-            descent.relinearize();
+    /// Goes back to where a boundary was entered, and does not try it again soon.
+    fn leave(&mut self, wrong: usize, adjustment: &mut BundleAdjustment<'_, '_>) {
+        if let Some(trial) = self.boundaries.drain(wrong..).next() {
+            self.refused.retain(|(place, _)| *place != trial.boundary);
+            self.refused.push((trial.boundary, trial.distance));
+            adjustment.bundle = trial.bundle;
+            adjustment.relinearize();
         }
         self.number();
     }
 
-    /// The edge, if any, that is not lower than the inside, or from which the cost falls inwards.
-    fn wrong_edge(&self, descent: &Descent<'_, '_>) -> Option<usize> {
-        if let Some(last) = self.edges.last()
-            && descent.cost >= last.cost
+    /// The boundary, if any, that is not lower than the inside, or from which the cost falls inwards.
+    fn wrong_boundary(&self, adjustment: &BundleAdjustment<'_, '_>) -> Option<usize> {
+        if let Some(last) = self.boundaries.last()
+            && adjustment.cost >= last.cost
         {
-            return Some(self.edges.len() - 1);
+            return Some(self.boundaries.len() - 1);
         }
-        self.edges
+        self.boundaries
             .iter()
-            .position(|edge| self.falls_inwards(edge.place, descent))
+            .position(|trial| self.falls_inwards(trial.boundary, adjustment))
     }
 
-    fn falls_inwards(&self, place: Place, descent: &Descent<'_, '_>) -> bool {
-        let bundle = &descent.bundle;
+    fn falls_inwards(&self, place: Boundary, adjustment: &BundleAdjustment<'_, '_>) -> bool {
+        let bundle = &adjustment.bundle;
         let landmark = self.landmark(place);
         let seen = self.problem.of_landmark(landmark).iter();
         let slope = match place {
-            Place::View(k) => {
+            Boundary::View(k) => {
                 let ray = self.ray(bundle, k);
-                seen.map(|&k| &descent.rows.sightings[k])
+                seen.map(|&k| &adjustment.rows.sightings[k])
                     .fold(0.0, |sum, row| sum + row.gradient.dot(&ray) * row.residual)
             }
-            Place::Infinity(_) => {
+            Boundary::Infinity(_) => {
                 let (middle, _) = middle(bundle);
                 let direction = (bundle.landmarks[landmark].coords - middle).normalize();
                 seen.fold(0.0, |sum, &k| {
                     let view = self.problem.sightings()[k].view;
-                    let row = &descent.rows.sightings[k];
+                    let row = &adjustment.rows.sightings[k];
                     let offset = middle - bundle.poses[view].translation.vector;
                     sum + direction.perp(&offset) * row.weight * row.residual
                 })
@@ -247,20 +248,20 @@ impl<'a> Newton<'a> {
     }
 
     /// Moves each landmark that stands on a view off it by next to nothing, at its measured bearing.
-    fn step_inside(&self, descent: &mut Descent<'_, '_>) {
-        for edge in &self.edges {
-            if let Place::View(k) = edge.place {
-                let step = self.ray(&descent.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
-                descent.bundle.landmarks[self.landmark(edge.place)] += step;
+    fn step_inside(&self, adjustment: &mut BundleAdjustment<'_, '_>) {
+        for trial in &self.boundaries {
+            if let Boundary::View(k) = trial.boundary {
+                let step = self.ray(&adjustment.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
+                adjustment.bundle.landmarks[self.landmark(trial.boundary)] += step;
             }
         }
-        if !self.edges.is_empty() {
-            descent.relinearize();
+        if !self.boundaries.is_empty() {
+            adjustment.relinearize();
         }
     }
 
     /// Forms the matrices and the gradient.
-    fn assemble(&mut self, bundle: &Bundle, rows: &[Row]) {
+    fn assemble(&mut self, bundle: &Bundle, rows: &[BearingRow]) {
         let size = self.gradient.len();
         for matrix in [&mut self.normal, &mut self.curved] {
             matrix.resize(size * size, 0.0);
@@ -351,7 +352,7 @@ impl<'a> Newton<'a> {
     }
 
     /// Solves with one of the matrices, damped; the fall of the cost that it predicts.
-    fn solve(&mut self, damping: f64, curved: bool) -> Option<f64> {
+    fn solve_with(&mut self, damping: f64, curved: bool) -> Option<f64> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
         self.factor.resize(size * size, 0.0);
@@ -397,8 +398,8 @@ impl<'a> Newton<'a> {
         bundle.step(&poses, &landmarks, result);
     }
 
-    /// Whether an edge may be tried from so far off.
-    fn open(&self, place: Place, distance: f64) -> bool {
+    /// Whether a boundary may be tried from so far off.
+    fn open(&self, place: Boundary, distance: f64) -> bool {
         self.refused
             .iter()
             .find(|(other, _)| *other == place)
@@ -413,8 +414,8 @@ fn middle(bundle: &Bundle) -> (Vector2<f64>, f64) {
     (centroid(&views), size)
 }
 
-impl System for Newton<'_> {
-    fn step(
+impl StepSolver for Newton<'_> {
+    fn solve(
         &mut self,
         bundle: &Bundle,
         rows: &Rows,
@@ -423,32 +424,36 @@ impl System for Newton<'_> {
     ) -> Option<f64> {
         self.assemble(bundle, &rows.sightings);
         let predicted = self
-            .solve(damping, true)
-            .or_else(|| self.solve(damping, false))?;
+            .solve_with(damping, true)
+            .or_else(|| self.solve_with(damping, false))?;
         self.apply(bundle, result);
         Some(predicted)
     }
 
-    fn settles(&self, landmark: usize) -> bool {
+    fn moves_landmark(&self, landmark: usize) -> bool {
         matches!(self.columns[landmark], Column::Point(_))
     }
 
-    fn remembers(&self) -> bool {
+    fn keeps_refused_damping(&self) -> bool {
         true
     }
 
-    fn pauses(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
-        // A line of sight goes on behind its view and beyond infinity: there is no edge.
+    fn wants_pause(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
+        // A line of sight goes on behind its view and beyond infinity: there is no boundary.
         if !self.problem.is_oriented() {
             return false;
         }
-        if self.edges.last().is_some_and(|edge| cost >= edge.cost) {
+        if self
+            .boundaries
+            .last()
+            .is_some_and(|trial| cost >= trial.cost)
+        {
             return false;
         }
         let (middle, size) = middle(bundle);
         let rows = &rows.sightings;
         let range = |k: usize| rows[k].weight / rows[k].gradient.norm();
-        for landmark in (0..self.columns.len()).filter(|&landmark| self.settles(landmark)) {
+        for landmark in (0..self.columns.len()).filter(|&landmark| self.moves_landmark(landmark)) {
             let seen = self.problem.of_landmark(landmark);
             let unseen = 1.0 / 0.0;
             let (mut nearest, mut next) = ((unseen, 0), unseen);
@@ -462,14 +467,14 @@ impl System for Newton<'_> {
                 }
             }
             let distance = nearest.0 / next;
-            let place = Place::View(nearest.1);
+            let place = Boundary::View(nearest.1);
             if distance < TOUCHING && self.open(place, distance) {
                 self.next = Some((place, distance));
                 return true;
             }
             let away = (bundle.landmarks[landmark].coords - middle).norm();
             let distance = size / away;
-            let place = Place::Infinity(landmark);
+            let place = Boundary::Infinity(landmark);
             if distance < (1.0 / FAR) && self.open(place, distance) {
                 self.next = Some((place, distance));
                 return true;
@@ -499,9 +504,9 @@ mod tests {
             ],
         };
         let mut newton = Newton::new(problem);
-        for place in [Place::View(4), Place::Infinity(2)] {
-            newton.edges.push(Edge {
-                place,
+        for place in [Boundary::View(4), Boundary::Infinity(2)] {
+            newton.boundaries.push(BoundaryTrial {
+                boundary: place,
                 distance: 0.0,
                 bundle: bundle.clone(),
                 cost: 0.0,

@@ -5,11 +5,12 @@
 //! is held by anchors: single parameters that are given more weight. As the right-hand side is at right
 //! angles to what is free, they choose the step along it and change nothing else.
 
-use super::bundle::{Bundle, Row, Rows};
-use super::descent::System;
+use super::bundle::{Bundle, Rows};
+use super::bundle_adjustment::StepSolver;
 use super::gauge::{anchors, gauge_directions};
 use super::prior_rows::TieRow;
 use super::sparse::SparseCholesky;
+use crate::lm::BearingRow;
 use crate::problem::{Problem, Subject, Tie};
 use crate::scalar::Real;
 use alloc::vec;
@@ -152,7 +153,7 @@ impl<'a> Normal<'a> {
         self.anchors = anchors(free, |parameter| self.diagonal(parameter));
     }
 
-    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &Row) {
+    fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &BearingRow) {
         let pose = row.pose().map(f64::as_f64);
         let point = row.landmark().map(f64::as_f64);
         let residual = row.residual;
@@ -254,8 +255,8 @@ impl<'a> Normal<'a> {
     }
 }
 
-impl System for Normal<'_> {
-    fn step(
+impl StepSolver for Normal<'_> {
+    fn solve(
         &mut self,
         bundle: &Bundle,
         rows: &Rows,
@@ -270,7 +271,7 @@ impl System for Normal<'_> {
         let mut delta = core::mem::take(&mut self.delta);
         delta.clear();
         delta.extend(self.gradient.iter().map(|slope| -slope));
-        self.solve(&mut delta);
+        Self::solve(self, &mut delta);
         let mut predicted = 0.0;
         for (parameter, (&d, &slope)) in delta.iter().zip(&self.gradient).enumerate() {
             predicted += d * (damping * self.diagonal(parameter) * d - slope);
@@ -292,7 +293,7 @@ impl System for Normal<'_> {
         predicted.is_finite().then(|| predicted * 0.5)
     }
 
-    fn settles(&self, landmark: usize) -> bool {
+    fn moves_landmark(&self, landmark: usize) -> bool {
         !self.known[landmark]
     }
 }

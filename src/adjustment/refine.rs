@@ -2,43 +2,17 @@
 //! Levenberg-Marquardt over all poses and landmarks.
 
 use super::bundle::{Bundle, Rows};
-use super::descent::{Descent, Rest, System};
+use super::bundle_adjustment::{BundleAdjustment, StepSolver};
 use super::linearized::{Linearized, gauge, keeps_landmarks};
 use super::newton;
 use super::normal::Normal;
 use super::prior_rows::linearize;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
-use crate::lm::{Loss, Termination};
+use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
-
-/// Options of the refinement.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineOptions {
-    /// Most linear systems to solve.
-    pub max_iterations: usize,
-    /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
-    /// steps, ending when one does not lower the cost.
-    pub damping: f64,
-    /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
-    /// this part of it.
-    pub tolerance: f64,
-    /// How much a residual counts.
-    pub loss: Loss,
-}
-
-impl Default for RefineOptions {
-    fn default() -> Self {
-        Self {
-            max_iterations: 100,
-            damping: 1e-4,
-            tolerance: 1e-10_f64.max(f64::EPSILON),
-            loss: Loss::Squared,
-        }
-    }
-}
 
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,20 +81,20 @@ pub fn refine_map(
         scaled = active.scaled(1.0 / unit);
         &scaled
     };
-    let mut descent = Descent::new(active, options, watch, bundle)?;
+    let mut adjustment = BundleAdjustment::new(active, options, watch, bundle)?;
     let termination = if is_sparse(active) {
-        minimize_sparse(&mut descent)?
+        minimize_sparse(&mut adjustment)?
     } else if keeps_landmarks(active) {
-        minimize::<3, 2>(&mut descent)?
+        minimize_reduced::<3, 2>(&mut adjustment)?
     } else {
-        minimize::<2, 3>(&mut descent)?
+        minimize_reduced::<2, 3>(&mut adjustment)?
     };
-    let Descent {
+    let BundleAdjustment {
         mut bundle,
         cost,
         iterations,
         ..
-    } = descent;
+    } = adjustment;
     bundle.scale(unit);
     bundle.write_to(map);
     Ok(Report {
@@ -165,43 +139,38 @@ pub fn is_sparse(problem: &Problem) -> bool {
 /// Largest dense system, in unknowns.
 const MAX_DENSE: usize = 600;
 
-/// Levenberg-Marquardt on the sparse normal equations.
-fn minimize_sparse(descent: &mut Descent<'_, '_>) -> Result<Termination, Error> {
-    let mut normal = Normal::new(descent.problem).ok_or(Error::OutOfMemory)?;
-    let limit = descent.options.max_iterations;
-    match descent.run(&mut normal, limit)? {
-        Rest::Ended(termination) => Ok(termination),
-        Rest::Paused => Ok(Termination::NoProgress),
-    }
+/// By the sparse normal equations.
+fn minimize_sparse(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
+    let mut normal = Normal::new(adjustment.problem).ok_or(Error::OutOfMemory)?;
+    adjustment.run(&mut normal, adjustment.options.max_iterations)
 }
 
-/// Levenberg-Marquardt with blocks of size `E` eliminated and blocks of size `K` kept; small problems
-/// that do not converge soon go on with Newton's method.
-fn minimize<const E: usize, const K: usize>(
-    descent: &mut Descent<'_, '_>,
+/// With blocks of size `E` eliminated and blocks of size `K` kept; small problems that do not converge soon
+/// go on with Newton's method.
+fn minimize_reduced<const E: usize, const K: usize>(
+    adjustment: &mut BundleAdjustment<'_, '_>,
 ) -> Result<Termination, Error>
 where
     for<'x> Linearized<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
-    let problem = descent.problem;
+    let problem = adjustment.problem;
     let mut reduced = Reduced {
         problem,
         schur: Schur::new(),
         step: (Vec::new(), Vec::new()),
     };
-    let limit = descent.options.max_iterations;
+    let limit = adjustment.options.max_iterations;
     let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
-    let squared = descent.options.loss == Loss::Squared;
-    let newton = small && squared && descent.options.damping > 0.0;
+    let squared = adjustment.options.loss == Loss::Squared;
+    let newton = small && squared && adjustment.options.damping > 0.0;
     let first = if newton { limit.min(SOON) } else { limit };
-    match descent.run(&mut reduced, first)? {
-        Rest::Ended(Termination::MaxIterations) if first < limit => newton::finish(descent),
-        Rest::Ended(Termination::Converged) if newton && newton::near_edge(descent) => {
-            newton::finish(descent)
+    match adjustment.run(&mut reduced, first)? {
+        Termination::MaxIterations if first < limit => newton::finish(adjustment),
+        Termination::Converged if newton && newton::near_boundary(adjustment) => {
+            newton::finish(adjustment)
         }
-        Rest::Ended(termination) => Ok(termination),
-        Rest::Paused => Ok(Termination::NoProgress),
+        termination => Ok(termination),
     }
 }
 
@@ -216,12 +185,12 @@ struct Reduced<'a, const E: usize, const K: usize> {
     step: (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>),
 }
 
-impl<const E: usize, const K: usize> System for Reduced<'_, E, K>
+impl<const E: usize, const K: usize> StepSolver for Reduced<'_, E, K>
 where
     for<'x> Linearized<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
-    fn step(
+    fn solve(
         &mut self,
         bundle: &Bundle,
         rows: &Rows,

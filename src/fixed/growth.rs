@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! A first map from three views, and views and landmarks added to it one by one.
 
-use super::{FixedMap, check_landmark, check_view};
+use super::map::{FixedMap, check_landmark, check_view};
 use crate::error::Error;
 use crate::geometry::Bearing;
 use crate::kernels::{

@@ -2,8 +2,8 @@
 //! The damped normal equations with the landmarks eliminated, (T13), in fixed storage.
 
 use super::cholesky::{Block, factorize, solve};
-use super::row::Row;
 use crate::geometry::Pose;
+use crate::lm::{BearingRow, LandmarkNormal};
 use crate::scalar::Real;
 use nalgebra::{Point2, Vector2};
 
@@ -14,8 +14,8 @@ use nalgebra::{Point2, Vector2};
 #[derive(Clone, Debug)]
 pub struct Workspace<T: Real, const M: usize, const N: usize> {
     /// The sightings linearised, by landmark, then by view.
-    pub(super) rows: [[Row<T>; M]; N],
-    pub(super) spare: [Row<T>; M],
+    pub(super) rows: [[BearingRow<T>; M]; N],
+    pub(super) spare: [BearingRow<T>; M],
     /// The map after the step.
     pub(crate) poses: [Option<Pose<T>>; M],
     pub(crate) landmarks: [Option<Point2<T>>; N],
@@ -100,8 +100,8 @@ impl<T: Real> PointFactor<T> {
 impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
     const fn filled(zero: T) -> Self {
         Self {
-            rows: [[Row::filled(zero); M]; N],
-            spare: [Row::filled(zero); M],
+            rows: [[BearingRow::filled(zero); M]; N],
+            spare: [BearingRow::filled(zero); M],
             poses: [None; M],
             landmarks: [None; N],
             matrix: [[[[zero; 3]; 3]; M]; M],
@@ -155,20 +155,12 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
     fn eliminate(&mut self, damping: T) -> bool {
         let zero = T::zero();
         for (rows, point) in self.rows.iter().zip(&mut self.points) {
-            let ([mut xx, mut xy, mut yy], [mut gx, mut gy]) = ([zero; 3], [zero; 2]);
-            for row in rows {
-                let [x, y] = row.landmark();
-                xx += x * x;
-                xy += x * y;
-                yy += y * y;
-                gx += x * row.residual;
-                gy += y * row.residual;
-            }
-            let Some(factor) = PointFactor::new([xx, xy, yy], damping) else {
+            let normal: LandmarkNormal<T> = rows.iter().map(|row| (*row, zero)).collect();
+            let Some(factor) = PointFactor::new(normal.information, damping) else {
                 return false;
             };
             *point = factor;
-            let gradient = factor.forward([gx, gy]);
+            let gradient = factor.forward(normal.gradient);
             for (row, whitened) in rows.iter().zip(&mut self.whitened) {
                 *whitened = factor.forward(row.landmark());
             }
@@ -177,21 +169,21 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
             for (((view, (row, z)), (step, diagonal)), blocks) in
                 views.zip(totals).zip(&mut self.matrix)
             {
-                let [_, _, weight] = row.slope;
-                if weight <= zero {
+                if row.weight <= zero {
                     continue;
                 }
                 let left = row.residual - dot(z, &gradient);
-                for ((step, diagonal), slope) in step.iter_mut().zip(diagonal).zip(row.slope) {
+                let slopes = minus_pose(row);
+                for ((step, diagonal), slope) in step.iter_mut().zip(diagonal).zip(slopes) {
                     *step += slope * left;
                     *diagonal += slope * slope;
                 }
                 let others = rows.iter().zip(&self.whitened);
                 for (block, (other, w)) in blocks.iter_mut().zip(others).take(view) {
-                    add_product(block, -dot(z, w), &row.slope, &other.slope);
+                    add_product(block, -dot(z, w), &slopes, &minus_pose(other));
                 }
                 if let Some(block) = blocks.get_mut(view) {
-                    add_product(block, T::one() - dot(z, z), &row.slope, &row.slope);
+                    add_product(block, T::one() - dot(z, z), &slopes, &slopes);
                 }
             }
         }
@@ -235,13 +227,13 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
         }
     }
 
-    /// The step of one landmark after that of the poses, and the sum of squared residuals that the
-    /// linear model predicts for it.
+    /// The step of one landmark after that of the poses, and the sum of squared residuals before it and,
+    /// as the linear model predicts, after it.
     #[inline]
-    pub(super) fn step_of_landmark(&self, landmark: usize) -> Option<(Vector2<T>, T)> {
+    pub(super) fn step_of_landmark(&self, landmark: usize) -> Option<(Vector2<T>, [T; 2])> {
         let (rows, factor) = (self.rows.get(landmark)?, self.points.get(landmark)?);
-        let moved = |row: &Row<T>, step: &[T; 3]| {
-            let [a, b, c] = row.slope;
+        let moved = |row: &BearingRow<T>, step: &[T; 3]| {
+            let [a, b, c] = minus_pose(row);
             let [x, y, theta] = step;
             row.residual - a * *x - b * *y - c * *theta
         };
@@ -253,15 +245,20 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
             }
         }
         let by = factor.backward(factor.forward(gradient));
-        let squares = rows
-            .iter()
-            .zip(&self.step)
-            .fold(T::zero(), |sum, (row, step)| {
-                let residual = moved(row, step) + dot(&row.landmark(), &by);
-                sum + residual * residual
-            });
-        Some((Vector2::from(by), squares))
+        let (mut before, mut after) = (T::zero(), T::zero());
+        for (row, step) in rows.iter().zip(&self.step) {
+            before += row.residual * row.residual;
+            let residual = moved(row, step) + dot(&row.landmark(), &by);
+            after += residual * residual;
+        }
+        Some((Vector2::from(by), [before, after]))
     }
+}
+
+/// Minus the derivative with respect to the pose `(x, y, theta)`: in products of two the signs cancel.
+#[inline]
+fn minus_pose<T: Real>(row: &BearingRow<T>) -> [T; 3] {
+    [row.gradient.x, row.gradient.y, row.weight]
 }
 
 #[inline]

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The similarity that takes one set of points to another.
 
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::Pose;
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Similarity2, Translation2, UnitComplex};
@@ -66,7 +66,7 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
     let scale = length / spread;
     if !(length > bound && scale > T::zero() && scale.is_finite()) {
         return Err(Error::Degenerate {
-            quantity: "correlation of the points to align",
+            kind: Degeneracy::UncorrelatedPoints,
             value: length.as_f64(),
             bound: bound.as_f64(),
         });

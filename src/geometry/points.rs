@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Sets of points: centroid, spread, extent.
+//! Sets of points: centroid, spread, extent, horizon.
 
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
+use crate::error::{Degeneracy, Error};
+use crate::scalar::Real;
 use nalgebra::Vector2;
 
 /// The mean of some points.
+#[cfg(feature = "alloc")]
 pub fn centroid(points: &[Vector2<f64>]) -> Vector2<f64> {
     points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / (points.len() as f64)
 }
 
 /// Sum of squared distances from the centroid.
+#[cfg(feature = "alloc")]
 pub fn spread(points: &[Vector2<f64>]) -> f64 {
     let centre = centroid(points);
     points
@@ -19,9 +21,9 @@ pub fn spread(points: &[Vector2<f64>]) -> f64 {
 }
 
 /// The longer side of the box around some places.
-pub fn extent(places: impl Iterator<Item = Vector2<f64>> + Clone) -> f64 {
-    let Some(first) = places.clone().next() else {
-        return 0.0;
+pub fn extent<T: Real>(mut places: impl Iterator<Item = Vector2<T>>) -> T {
+    let Some(first) = places.next() else {
+        return T::zero();
     };
     let (low, high) = places.fold((first, first), |(low, high), place| {
         (low.inf(&place), high.sup(&place))
@@ -29,7 +31,53 @@ pub fn extent(places: impl Iterator<Item = Vector2<f64>> + Clone) -> f64 {
     (high - low).amax()
 }
 
+/// The extent of the views of a start (where they are in one place, of all) as a power of two, so that
+/// scaling by it loses no digit.
+///
+/// # Errors
+/// [`Error::NotFinite`] for a position that is not, by its number, views first; [`Error::Degenerate`] when all
+/// is in one place.
+pub fn unit<T: Real>(
+    views: impl Iterator<Item = Vector2<T>> + Clone,
+    landmarks: impl Iterator<Item = Vector2<T>> + Clone,
+) -> Result<T, Error> {
+    let all = views.clone().chain(landmarks);
+    let finite = |place: Vector2<T>| place.x.is_finite() && place.y.is_finite();
+    if let Some(index) = all.clone().position(|place| !finite(place)) {
+        return Err(Error::NotFinite {
+            what: "positions of the start",
+            index,
+        });
+    }
+    let power = |size: T| T::lit(2.0).powf(size.log2().round());
+    let usable = |size: &T| {
+        let unit = power(*size);
+        let square = unit * unit;
+        *size > T::zero() && square.is_finite() && (T::one() / square).is_finite()
+    };
+    let whole = extent(all);
+    match [extent(views), whole].into_iter().find(usable) {
+        Some(size) => Ok(power(size)),
+        None => Err(Error::Degenerate {
+            kind: Degeneracy::CoincidentStart,
+            value: whole.as_f64(),
+            bound: 0.0,
+        }),
+    }
+}
+
 /// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
-pub fn horizon() -> f64 {
-    0.1 / f64::EPSILON.sqrt()
+pub fn horizon<T: Real>() -> T {
+    T::lit(0.1) / T::eps().sqrt()
+}
+
+/// A place within the horizon around `home`: one beyond, which cannot be told from infinity, comes to where
+/// it just can.
+pub fn within_horizon<T: Real>(place: Vector2<T>, home: &Vector2<T>) -> Vector2<T> {
+    let offset = place - home;
+    if offset.amax() > horizon() {
+        home + (offset / offset.amax()).normalize() * horizon::<T>()
+    } else {
+        place
+    }
 }

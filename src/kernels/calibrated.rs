@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The trifocal tensor of calibrated bearings: five landmarks, and the motion in closed form.
+//! The trifocal tensor of calibrated bearings, from five landmarks.
 //!
 //! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
-use super::complement::complement;
-use super::motion::{LineMotion, Motion, settle};
-use super::pair::{ComplexPair, Pair};
+use super::gram;
+use super::lanes::{ComplexLanes, Lanes};
+use super::null_vector_5x6::null_vector_5x6;
 use super::triangular::TriangularFactor;
-use super::{TrifocalTensor, Triple, gram};
-use crate::error::Error;
+use super::{TrifocalTensor, Triple};
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::{Complex, Vector6};
 
@@ -62,18 +62,18 @@ impl<T: Real> CalibratedTensor<T> {
         let tensor = if let [a, b, c, d, e] = triples {
             // Five landmarks are explained exactly, however they are weighted.
             let rows = [a, b, c, d, e].map(|triple| real(products(complex(triple))));
-            let (vector, second) = complement(&rows);
+            let (vector, second) = null_vector_5x6(&rows);
             Self::from_vector(&vector, [T::zero(), second])
         } else {
             // Weights are only wanted where there are reweights.
-            let quick = if reweights > 0 {
-                Self::quick(triples, reweights)
+            let by_gram = if reweights > 0 {
+                Self::by_gram(triples, reweights)
             } else {
                 None
             };
-            match quick {
+            match by_gram {
                 Some(tensor) => tensor,
-                None => Self::thorough(triples, reweights, bound),
+                None => Self::by_qr(triples, reweights, bound),
             }
         };
         // A bearing that is not finite makes every coefficient so: looked for only then.
@@ -84,19 +84,11 @@ impl<T: Real> CalibratedTensor<T> {
         } else {
             super::check_finite(triples)?;
             Err(Error::Degenerate {
-                quantity: "second smallest singular value of the three-view system",
+                kind: Degeneracy::ThreeViewSystem,
                 value: tensor.singular_values[1].as_f64(),
                 bound: bound.as_f64(),
             })
         }
-    }
-
-    /// Both motions that have this tensor, settled by the signs of the bearings.
-    ///
-    /// # Errors
-    /// [`Error::Degenerate`] when a side of the triangle of views vanishes: two views coincide.
-    pub fn motions(&self, triples: &[Triple<T>]) -> Result<[Motion<T>; 2], Error> {
-        Ok(settle(&self.line_motions()?, triples, |_, _| ()).map(|settled| settled.motion))
     }
 
     /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
@@ -123,7 +115,7 @@ impl<T: Real> CalibratedTensor<T> {
 
     /// The reweighted tensor by triangular factors: for rows of every condition.
     #[inline(never)]
-    fn thorough(triples: &[Triple<T>], reweights: usize, bound: T) -> Self {
+    fn by_qr(triples: &[Triple<T>], reweights: usize, bound: T) -> Self {
         let least = |mut factor: TriangularFactor<T, 6>| {
             let null = factor.null_space();
             Self::from_vector(&null.vectors[0], null.singular_values)
@@ -141,14 +133,14 @@ impl<T: Real> CalibratedTensor<T> {
     /// The same by Gram matrices: at least one reweight, and well-conditioned rows. `None` where they
     /// are not.
     #[inline(never)]
-    fn quick(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
-        let mut vector = gram::rough(&gram::products(triples, |two| products_in_step(two)))?;
+    fn by_gram(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
+        let mut vector = gram::approximate(&gram::products(triples, |two| row_in_lanes(two)))?;
         let mut singular_values = [T::zero(); 2];
         for _ in 0..reweights {
             let [a, b, c, d, e, f] = vector;
             // The weighted row, and its residual.
             let products = gram::products(triples, |two| {
-                let [p, p_im, q, q_im, r, r_im] = products_in_step(two);
+                let [p, p_im, q, q_im, r, r_im] = row_in_lanes(two);
                 let [x, y, z] = [p_im * a - p * b, q_im * c - q * d, r_im * e - r * f];
                 let [fa, fb, fc] = [x + y - z, x - y + z, y + z - x];
                 let weight = (fa * fa + fb * fb + fc * fc)
@@ -222,77 +214,6 @@ impl<T: Real> CalibratedTensor<T> {
         });
         TrifocalTensor { entries }
     }
-
-    /// Minus the cosine of the angle at view 0 between the baselines, from the three sides, (T6);
-    /// beyond \[-1, 1\] when noise has broken the triangle inequality.
-    pub fn kappa(&self) -> T {
-        let [a, b, c] = self.coefficients.map(|z| z.norm_sqr());
-        (c - a - b) / (T::lit(2.0) * (a * b).sqrt())
-    }
-
-    /// How far the data hold the motion: inversely proportional to its error for equal noise.
-    ///
-    /// The second smallest singular value bounds the error of the tensor; a flat triangle of views
-    /// multiplies it by its longest side over its height.
-    pub fn quality(&self) -> T {
-        let [la, lb, lc] = self.coefficients.map(|z| z.norm_sqr().sqrt());
-        let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
-        let longest = la.max(lb).max(lc);
-        // Heron's product is 16 times the squared area; height over side is 2 area / side^2.
-        let flatness = area.max(T::zero()).sqrt() * T::lit(0.5) / (longest * longest);
-        self.singular_values[1] * flatness
-    }
-
-    /// Both motions, mirror images in their triangle of views, each modulo pi in every heading:
-    /// (T5) and (T7).
-    ///
-    /// A triangle that noise has broken is replaced by the nearest one, which is flat; both motions
-    /// are then the same.
-    ///
-    /// # Errors
-    /// [`Error::Degenerate`] when a side of the triangle vanishes: two views coincide.
-    pub(super) fn line_motions(&self) -> Result<[LineMotion<T>; 2], Error> {
-        let sides = self.coefficients.map(|z| z.norm_sqr().sqrt());
-        let [la, lb, lc] = sides;
-        let shortest = la.min(lb).min(lc);
-        let bound = T::eps() * T::lit(64.0);
-        if !(shortest > bound) {
-            return Err(Error::Degenerate {
-                quantity: "shortest over longest distance between three views",
-                value: (shortest / la.max(lb).max(lc)).as_f64(),
-                bound: bound.as_f64(),
-            });
-        }
-        let phase: [Complex<T>; 3] =
-            core::array::from_fn(|k| self.coefficients[k] * (T::one() / sides[k]));
-        // Heron's formula: cos and sin of beta without cancellation in a flat triangle.
-        let halves = T::lit(0.5) / (la * lb);
-        let cos = ((lc - la) * (lc + la) - lb * lb) * halves;
-        let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
-        let sin = area.max(T::zero()).sqrt() * halves;
-        // A flat triangle has no room for a cosine other than 1 or -1.
-        let cos = if area > T::zero() {
-            cos
-        } else if cos > T::zero() {
-            T::one()
-        } else {
-            -T::one()
-        };
-        Ok([sin, -sin].map(|sin| {
-            let beta = Complex::new(cos, sin);
-            // C' = -(A' + B'), all relative to the phase of A'.
-            let opposite = -(beta * lb + la);
-            let gamma = opposite * (T::one() / opposite.norm_sqr().sqrt());
-            let alpha2 = phase[0] * phase[1] * beta.conj();
-            let turn1 = phase[0] * phase[2] * alpha2.conj() * gamma.conj();
-            let turn2 = phase[1] * phase[2] * (alpha2 * beta * gamma).conj();
-            let alpha = square_root(alpha2);
-            LineMotion {
-                headings: [square_root(turn1), square_root(turn2)],
-                positions: [-alpha.conj() * la, (alpha * beta).conj() * lb],
-            }
-        }))
-    }
 }
 
 /// The triangular factor of the rows, each times its weight.
@@ -309,9 +230,9 @@ fn factor<T: Real>(
     factor
 }
 
-/// [`real`] of [`products`] for two landmarks.
+/// [`real`] of [`products`] for two landmarks, one in each lane.
 #[inline(always)]
-fn products_in_step<T: Real>([u, v, w]: [ComplexPair<T>; 3]) -> [Pair<T>; 6] {
+fn row_in_lanes<T: Real>([u, v, w]: [ComplexLanes<T>; 3]) -> [Lanes<T>; 6] {
     let [a, b, c, d] = [u.re * v.re, u.im * v.im, u.re * v.im, u.im * v.re];
     let (sum_re, sum_im, re, im) = (a - b, c + d, a + b, d - c);
     let [a, b, c, d] = [re * w.re, im * w.im, re * w.im, im * w.re];
@@ -348,19 +269,6 @@ fn products<T: Real>([u, v, w]: [Complex<T>; 3]) -> [Complex<T>; 3] {
 #[inline]
 fn imaginary<T: Real>(a: Complex<T>, b: Complex<T>) -> T {
     a.re * b.im + a.im * b.re
-}
-
-/// One of the two square roots of a unit complex number, again of unit length.
-#[inline]
-fn square_root<T: Real>(z: Complex<T>) -> Complex<T> {
-    let half = T::lit(0.5);
-    let large = ((T::one() + z.re.abs()) * half).sqrt();
-    let small = z.im * half / large;
-    if z.re >= T::zero() {
-        Complex::new(large, small)
-    } else {
-        Complex::new(small, large)
-    }
 }
 
 #[cfg(test)]
@@ -450,7 +358,7 @@ mod tests {
             let noise = [0.0, 1e-6, 2e-3, 2e-2][seed % 4];
             let (count, reweights) = ([6, 7, 15, 16, 40][seed % 5], 1 + seed / 20 % 2);
             let triples = scene(seed, count, noise, 1.0);
-            let Some(quick) = CalibratedTensor::quick(&triples, reweights) else {
+            let Some(by_gram) = CalibratedTensor::by_gram(&triples, reweights) else {
                 continue;
             };
             answered += 1;
@@ -461,9 +369,9 @@ mod tests {
             // The condition times the rounding, and the noise by its tenth digit.
             let [smallest, next] = expected.singular_values;
             let bound = 1e-14 / next.min(1.0) + 1e-10 * error;
-            let distance = apart(&quick, &expected);
+            let distance = apart(&by_gram, &expected);
             assert!(distance < bound, "{seed}: {distance:e} {bound:e}");
-            let [first, second] = quick.singular_values;
+            let [first, second] = by_gram.singular_values;
             assert!((first - smallest).abs() < 1e-8 * smallest + 1e-13, "{seed}");
             assert!(second > next * 0.98, "{seed}: {second} {next}");
             assert!(second < next * 3.0, "{seed}: {second} {next}");
@@ -478,13 +386,13 @@ mod tests {
             for flat in [0.0, 1e-7, 1e-4] {
                 let triples = scene(seed, 15, 0.0, flat);
                 assert!(
-                    CalibratedTensor::quick(&triples, 1).is_none(),
+                    CalibratedTensor::by_gram(&triples, 1).is_none(),
                     "{seed} {flat}"
                 );
             }
             let mut triples = scene(seed, 15, 1e-3, 1.0);
             triples[seed % 15][seed % 3] = UnitComplex::new_unchecked(Complex::new(f64::NAN, 0.0));
-            assert!(CalibratedTensor::quick(&triples, 1).is_none(), "{seed}");
+            assert!(CalibratedTensor::by_gram(&triples, 1).is_none(), "{seed}");
         }
     }
 }

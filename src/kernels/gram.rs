@@ -2,13 +2,13 @@
 //! The smallest singular vector of a tall matrix from its Gram matrix, without the loss of digits where
 //! a start is known.
 //!
-//! A Gram matrix squares the condition number. For a first, rough vector this is allowed. The final
+//! A Gram matrix squares the condition number. For a first, approximate vector this is allowed. The final
 //! one is found as a correction of the start: the correction is small, as small as the noise, so
 //! what the squared condition number costs of its digits is small beside the noise. Where it would
 //! not be, there is no answer, and the triangular factor has to give one.
 
 use super::Triple;
-use super::pair::{ComplexPair, Pair};
+use super::lanes::{ComplexLanes, Lanes};
 use crate::scalar::Real;
 use core::ops::{Mul, Sub};
 use nalgebra::Complex;
@@ -19,18 +19,18 @@ const N: usize = 6;
 /// The upper triangle of a symmetric matrix; the rest is never read.
 pub(super) type Symmetric<T> = [[T; N]; N];
 
-/// Pairs of rows that are multiplied together.
+/// Rows of each lane that are multiplied together.
 const BLOCK: usize = 4;
 
 /// The sums over all rows of column i times column j, for j from i on; the rest is zero.
 ///
-/// `row` makes two rows in step from two landmarks; from a landmark of zeros it has to make a row of zeros.
+/// `row` makes two rows from two landmarks, one in each lane; from a landmark of zeros it must make a row of zeros.
 #[inline(always)]
 pub(super) fn products<T: Real, const C: usize>(
     triples: &[Triple<T>],
-    row: impl Fn([ComplexPair<T>; 3]) -> [Pair<T>; C],
+    row: impl Fn([ComplexLanes<T>; 3]) -> [Lanes<T>; C],
 ) -> [[T; C]; N] {
-    let zero = Pair([T::zero(); 2]);
+    let zero = Lanes([T::zero(); 2]);
     let mut sums = [[zero; C]; N];
     let mut columns = [[zero; BLOCK]; C];
     for block in triples.chunks(2 * BLOCK) {
@@ -44,27 +44,26 @@ pub(super) fn products<T: Real, const C: usize>(
                 [first] => (complex(first), nothing),
                 _ => break,
             };
-            let pairs = row(core::array::from_fn(|k| {
-                ComplexPair::new([first[k], second[k]])
+            let made = row(core::array::from_fn(|k| {
+                ComplexLanes::new([first[k], second[k]])
             }));
-            for (column, pair) in columns.iter_mut().zip(pairs) {
+            for (column, lanes) in columns.iter_mut().zip(made) {
                 // Always there; the compiler sees no panic then.
                 if let Some(there) = column.get_mut(place) {
-                    *there = pair;
+                    *there = lanes;
                 }
             }
         }
         add(&columns, &mut sums);
     }
-    sums.map(|row| row.map(Pair::sum))
+    sums.map(|row| row.map(Lanes::sum))
 }
 
 /// Adds the products of all pairs of columns.
 ///
-/// A function of its own: within another the compiler would not find that the numbers of a pair belong into one
-/// register.
+/// A function of its own: inlined, the compiler would no longer see that both lanes belong in one register.
 #[inline(never)]
-fn add<T: Real, const C: usize>(columns: &[[Pair<T>; BLOCK]; C], sums: &mut [[Pair<T>; C]; N]) {
+fn add<T: Real, const C: usize>(columns: &[[Lanes<T>; BLOCK]; C], sums: &mut [[Lanes<T>; C]; N]) {
     for i in 0..N {
         for j in i..C {
             let mut sum = sums[i][j];
@@ -88,7 +87,7 @@ const MAX_STEPS: usize = 16;
 ///
 /// Inverse iteration on `gram = A^T A`. `None` where a pivot says that the digits may not suffice, or
 /// where the iteration does not end.
-pub(super) fn rough<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
+pub(super) fn approximate<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
     let mut gram = *gram;
     let trace = trace(&gram);
     let inverse = factor(&mut gram, trace, T::eps() * trace)?;
@@ -104,7 +103,7 @@ pub(super) fn rough<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
         vector = unit(vector);
         let movement = moved(&before, &vector);
 
-        if stands(movement, last, T::lit(ROUGHLY_STILL).max(rounding())) {
+        if stands(movement, last, T::lit(APPROXIMATELY_STILL).max(rounding())) {
             return Some(vector);
         }
         last = movement;
@@ -114,7 +113,7 @@ pub(super) fn rough<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
 
 /// Squared error of a vector that weights are taken from. The next vector is wrong by the product of
 /// this error and of its own.
-const ROUGHLY_STILL: f64 = 1e-20;
+const APPROXIMATELY_STILL: f64 = 1e-20;
 
 /// A singular vector, and the two smallest singular values, the smallest first.
 #[derive(Clone, Copy, Debug)]
@@ -149,22 +148,22 @@ pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Op
     }
     let inverse = factor(&mut gram, trace, T::zero())?;
     // The correction, and a vector that turns to the second singular one.
-    let base = start.map(|start| Pair([start, T::zero()]));
-    let slope: [Pair<T>; N] =
-        core::array::from_fn(|k| Pair([start[k] * value - image[k], T::zero()]));
-    let mut both = slope.map(|Pair([slope, _])| Pair([slope, T::one()]));
+    let base = start.map(|start| Lanes([start, T::zero()]));
+    let slope: [Lanes<T>; N] =
+        core::array::from_fn(|k| Lanes([start[k] * value - image[k], T::zero()]));
+    let mut both = slope.map(|Lanes([slope, _])| Lanes([slope, T::one()]));
     solve(&gram, &inverse, &mut both);
     let mut last = T::zero();
     for _ in 0..MAX_STEPS {
         let before = both;
         let [change, movement] = step(&gram, &inverse, &base, &slope, &mut both);
         if stands(movement, last, rounding()) {
-            let mut products = Pair([T::zero(); 2]);
+            let mut products = Lanes([T::zero(); 2]);
             for (before, after) in before.iter().zip(&both) {
                 let after = after.0[1];
-                products = products + Pair([after * before.0[1], after * after]);
+                products = products + Lanes([after * before.0[1], after * after]);
             }
-            let Pair([product, square]) = products;
+            let Lanes([product, square]) = products;
             let second = product / square;
             let vector = unit(core::array::from_fn(|k| start[k] + both[k].0[0]));
             return (second > enough::<T>() * trace).then(|| Corrected {
@@ -201,19 +200,19 @@ fn rounding<T: Real>() -> T {
 fn step<T: Real>(
     factor: &Symmetric<T>,
     inverse: &[T; N],
-    base: &[Pair<T>; N],
-    slope: &[Pair<T>; N],
-    both: &mut [Pair<T>; N],
+    base: &[Lanes<T>; N],
+    slope: &[Lanes<T>; N],
+    both: &mut [Lanes<T>; N],
 ) -> [T; 2] {
-    let mut change = Pair([T::zero(); 2]);
+    let mut change = Lanes([T::zero(); 2]);
     for k in 0..N {
         change = change - slope[k] * both[k];
     }
     let [change, _] = change.0;
-    let scale = Pair([change, T::one()]);
-    let mut next: [Pair<T>; N] = core::array::from_fn(|k| slope[k] + (base[k] + both[k]) * scale);
+    let scale = Lanes([change, T::one()]);
+    let mut next: [Lanes<T>; N] = core::array::from_fn(|k| slope[k] + (base[k] + both[k]) * scale);
     solve(factor, inverse, &mut next);
-    let mut movement = Pair([T::zero(); 2]);
+    let mut movement = Lanes([T::zero(); 2]);
     for k in 0..N {
         let apart = next[k] - both[k];
         movement = movement + apart * apart;

@@ -4,10 +4,10 @@
 //! Symbols as in Dellaert and Stroupe, ICRA 2002, section 3: T, K, L, M, e_ij (the bearing at which
 //! view i sees view j). The scanned paper has lost minus signs in K and L; they are restored here.
 
-use super::motion::LineMotion;
+use super::signs::LineMotion;
 use super::triangular::TriangularFactor;
 use super::{TrifocalTensor, Triple};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::{Complex, Matrix2, Vector2};
 
@@ -43,7 +43,7 @@ pub fn projective_tensor<T: Real>(triples: &[Triple<T>]) -> Result<TrifocalTenso
     let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
     if !(null.singular_values[1] > bound) {
         return Err(Error::Degenerate {
-            quantity: "second smallest singular value of the projective three-view system",
+            kind: Degeneracy::ProjectiveSystem,
             value: null.singular_values[1].as_f64(),
             bound: bound.as_f64(),
         });
@@ -121,7 +121,7 @@ pub struct Epipoles<T: Real> {
 /// is an eigenvector, as with views that coincide.
 pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Error> {
     let tensor = tensor.normalized().ok_or(Error::Degenerate {
-        quantity: "norm of the tensor",
+        kind: Degeneracy::VanishingTensor,
         value: tensor.norm().as_f64(),
         bound: 0.0,
     })?;
@@ -135,7 +135,7 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
     let bound = T::eps() * T::lit(64.0);
     if !(size > bound) {
         return Err(Error::Degenerate {
-            quantity: "pencil of the intrinsic homographies",
+            kind: Degeneracy::VanishingPencil,
             value: size.as_f64(),
             bound: bound.as_f64(),
         });
@@ -177,7 +177,7 @@ pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>,
     let found = epipoles(tensor)?;
     if found.discriminant < T::zero() {
         return Err(Error::Degenerate {
-            quantity: "discriminant of the epipoles (complex eigenvalues)",
+            kind: Degeneracy::ComplexEpipoles,
             value: found.discriminant.as_f64(),
             bound: 0.0,
         });
@@ -207,7 +207,7 @@ pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotio
         let bound = T::eps() * T::lit(64.0);
         if !(sine.abs() > bound) {
             return Err(Error::Degenerate {
-                quantity: "sine of the angle between the epipoles that place the third view",
+                kind: Degeneracy::CollinearViews,
                 value: sine.abs().as_f64(),
                 bound: bound.as_f64(),
             });

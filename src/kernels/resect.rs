@@ -2,10 +2,13 @@
 //! A pose from bearings of known landmarks.
 
 use super::triangular::TriangularFactor;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
+
+/// Fewest landmarks that fix a view.
+pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
 
 /// A pose and how its sightings agree with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +79,7 @@ where
     if count < 3 {
         return Err(Error::TooFew {
             what: "landmarks of a view",
-            needed: 3,
+            needed: MIN_LANDMARKS_OF_VIEW,
             got: count,
         });
     }
@@ -88,7 +91,7 @@ where
         .sqrt();
     if !(spread > T::zero()) {
         return Err(Error::Degenerate {
-            quantity: "spread of the landmarks",
+            kind: Degeneracy::CoincidentLandmarks,
             value: spread.as_f64(),
             bound: 0.0,
         });
@@ -108,7 +111,7 @@ where
     let bound = T::eps() * T::lit(64.0);
     if !(gap > bound) {
         return Err(Error::Degenerate {
-            quantity: "misfit of the worst rotation in the resection",
+            kind: Degeneracy::AmbiguousResection,
             value: gap.as_f64(),
             bound: bound.as_f64(),
         });
@@ -161,7 +164,7 @@ impl<T: Real> Line<T> {
         let smaller = a.abs().min(d.abs());
         if !(smaller > bound * a.abs().max(d.abs())) {
             return Err(Error::Degenerate {
-                quantity: "spread of the bearings",
+                kind: Degeneracy::CommonDirection,
                 value: smaller.as_f64(),
                 bound: (bound * a.abs().max(d.abs())).as_f64(),
             });

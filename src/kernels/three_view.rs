@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Three views from nothing: tensor, motion, signs.
 
-use super::motion::settle;
+use super::signs::resolve_signs;
 use super::{
     CalibratedTensor, Motion, TrifocalTensor, Triple, epipoles, projective, projective_tensor,
 };
@@ -52,7 +52,7 @@ const COLLINEAR_HEIGHT: f64 = 0.02;
 
 /// Poses of three views from the bearings of landmarks that all three see.
 ///
-/// Estimates the trifocal tensor, takes both motions from it and settles every pi by the majority of
+/// Estimates the trifocal tensor, takes both motions from it and resolves every pi by the majority of
 /// the signs. Both motions fit the bearings modulo pi; the signs nearly always tell them apart, but
 /// not always: look at `inconsistent` of both before dropping the second.
 ///
@@ -157,9 +157,9 @@ fn estimate<T: Real>(
             )
         }
     };
-    let settled = settle(&lines, triples, place);
-    let scales = settled.map(|settled| settled.scale);
-    let [first, second] = settled.map(|settled| settled.motion);
+    let oriented = resolve_signs(&lines, triples, place);
+    let scales = oriented.map(|oriented| oriented.scale);
+    let [first, second] = oriented.map(|oriented| oriented.motion);
     let order = rank(&first) <= rank(&second);
     let motions = if order {
         [first, second]

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The triangular factor of a matrix whose rows come one by one.
 
-use super::pair::Pair;
+use super::null_space::{NullSpace, null_space};
 use crate::scalar::Real;
-use nalgebra::SVector;
 
 /// Rows that are eliminated together, by one Householder reflection per column.
 const BLOCK: usize = 8;
@@ -13,40 +12,13 @@ const BLOCK: usize = 8;
 /// Rows are streamed in and folded into R by orthogonal reflections, so memory is constant and the
 /// condition number is that of `A`, not its square. A reflection acts on one row of R and the
 /// waiting rows only (the rest of its column is zero already).
-///
-/// # Example
-/// ```
-/// use bearslam::TriangularFactor;
-/// let mut factor = TriangularFactor::<f64, 2>::new();
-/// for row in [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]] {
-///     factor.push(row);
-/// }
-/// let null = factor.null_space();
-/// assert!(null.singular_values[0] < 1e-15);
-/// assert!((null.vectors[0].x + null.vectors[0].y).abs() < 1e-15);
-/// ```
 #[derive(Clone, Debug)]
-pub struct TriangularFactor<T: Real, const N: usize> {
+pub(super) struct TriangularFactor<T: Real, const N: usize> {
     /// R, row by row.
     factor: [[T; N]; N],
     /// Rows not yet folded in, column by column, zero beyond `waiting`.
     block: [[T; BLOCK]; N],
     waiting: usize,
-}
-
-/// The two right singular vectors with the smallest singular values.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NullSpace<T: Real, const N: usize> {
-    /// The two smallest singular values, the smallest first.
-    pub singular_values: [T; 2],
-    /// Their right singular vectors, of unit length and at right angles.
-    pub vectors: [SVector<T, N>; 2],
-}
-
-impl<T: Real, const N: usize> Default for TriangularFactor<T, N> {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl<T: Real, const N: usize> TriangularFactor<T, N> {
@@ -126,78 +98,10 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     }
 
     /// The two smallest singular values and their right singular vectors.
-    ///
-    /// Inverse iteration on a pair of vectors: the pair converges with the square of the ratio of
-    /// the second to the third smallest singular value, and a 2x2 problem separates it. Ends when
-    /// the first vector stands still, or after 40 steps. The second value is then an upper
-    /// bound of the true one, tight where it matters: when it is small.
     pub fn null_space(&mut self) -> NullSpace<T, N> {
-        // Squared movement of a vector that stands still: far below any noise that is there.
-        let still = T::eps() * T::lit(0.1);
-        let factor = self.rows();
-        let inverse = inverse_pivots(factor);
-        let (zero, one) = (T::zero(), T::one());
-        let mut vectors = [Pair([zero; 2]); N];
-        if let [.., second, first] = &mut vectors[..] {
-            *second = Pair([zero, one]);
-            *first = Pair([one, zero]);
-        }
-        back_substitute(factor, &inverse, &mut vectors);
-        orthonormalize(&mut vectors);
-        let mut values = rayleigh_ritz(factor, &mut vectors);
-        let mut last = zero;
-        for _ in 0..MAX_STEPS {
-            let before = vectors;
-            // Orthonormal after each half of the step: a vanishing singular value turns both vectors
-            // into its own, and one half is all that double the digits could bear.
-            forward_substitute(factor, &inverse, &mut vectors);
-            orthonormalize(&mut vectors);
-            back_substitute(factor, &inverse, &mut vectors);
-            orthonormalize(&mut vectors);
-            values = rayleigh_ritz(factor, &mut vectors);
-            let movement = moved(&before, &vectors);
-            // With room for a next step that shortens it ten times less.
-            if movement <= still || movement * movement * T::lit(100.0) <= still * last {
-                break;
-            }
-            last = movement;
-        }
-        NullSpace {
-            singular_values: values,
-            vectors: [
-                SVector::from_fn(|k, _| vectors[k].0[0]),
-                SVector::from_fn(|k, _| vectors[k].0[1]),
-            ],
-        }
+        null_space(self.rows())
     }
 }
-
-/// One over the pivots; for a pivot that is rounding any value of its size serves.
-#[inline]
-fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> [T; N] {
-    let mut square = T::zero();
-    for (k, row) in factor.iter().enumerate() {
-        for value in row.iter().skip(k) {
-            square += *value * *value;
-        }
-    }
-    let floor = square.sqrt() * T::eps() + T::eps() * T::eps();
-    core::array::from_fn(|k| {
-        let pivot = factor[k][k];
-        let safe = if pivot.abs() > floor {
-            pivot
-        } else if pivot < T::zero() {
-            -floor
-        } else {
-            floor
-        };
-        T::one() / safe
-    })
-}
-
-/// Most steps of inverse iteration; a pair that needs more is a null space of three dimensions, of
-/// which any member is as good as another.
-const MAX_STEPS: usize = 40;
 
 /// The first B numbers of a column of waiting rows.
 #[inline]
@@ -221,163 +125,6 @@ fn dot<T: Real, const B: usize>(a: &[T; B], b: &[T; B]) -> T {
     }
     let [a, b, c, d] = sums;
     (a + c) + (b + d)
-}
-
-/// Solves `R x = b` in place, for two right-hand sides.
-#[inline(always)]
-fn back_substitute<T: Real, const N: usize>(
-    factor: &[[T; N]; N],
-    inverse: &[T; N],
-    x: &mut [Pair<T>; N],
-) {
-    for i in (0..N).rev() {
-        let mut sum = x[i];
-        for j in i + 1..N {
-            sum = sum - x[j] * factor[i][j];
-        }
-        x[i] = sum * inverse[i];
-    }
-}
-
-/// Solves `R^T x = b` in place, for two right-hand sides.
-#[inline(always)]
-fn forward_substitute<T: Real, const N: usize>(
-    factor: &[[T; N]; N],
-    inverse: &[T; N],
-    x: &mut [Pair<T>; N],
-) {
-    for i in 0..N {
-        let value = x[i] * inverse[i];
-        x[i] = value;
-        for j in i + 1..N {
-            x[j] = x[j] - value * factor[i][j];
-        }
-    }
-}
-
-/// Squared lengths of two vectors.
-#[inline(always)]
-fn squares<T: Real, const N: usize>(vectors: &[Pair<T>; N]) -> Pair<T> {
-    let zero = Pair([T::zero(); 2]);
-    vectors.iter().fold(zero, |sum, pair| sum + *pair * *pair)
-}
-
-/// The scalar product of two vectors.
-#[inline(always)]
-fn product<T: Real, const N: usize>(vectors: &[Pair<T>; N]) -> T {
-    let zero = T::zero();
-    vectors.iter().fold(zero, |sum, Pair([a, b])| sum + *a * *b)
-}
-
-#[inline(always)]
-fn scale_to_unit<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
-    let square = squares(vectors);
-    if square
-        .0
-        .iter()
-        .all(|square| square.is_finite() && *square > T::zero())
-    {
-        let scale = square.map(|square| T::one() / square.sqrt());
-        vectors.iter_mut().for_each(|pair| *pair = *pair * scale);
-    } else {
-        scale_extreme_to_unit(vectors);
-    }
-}
-
-/// For vectors whose squares overflow or vanish: a null space of several dimensions in `f32`.
-#[cold]
-#[inline(never)]
-fn scale_extreme_to_unit<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
-    let zero = Pair([T::zero(); 2]);
-    let larger = |most: T, value: T| most.max(value.abs());
-    let scale = |size: T| {
-        if size > T::zero() {
-            T::one() / size
-        } else {
-            T::one()
-        }
-    };
-    let largest = vectors
-        .iter()
-        .fold(zero, |most, pair| most.zip(*pair, larger));
-    vectors
-        .iter_mut()
-        .for_each(|pair| *pair = *pair * largest.map(scale));
-    let lengths = squares(vectors).map(|square| scale(square.sqrt()));
-    vectors.iter_mut().for_each(|pair| *pair = *pair * lengths);
-}
-
-#[inline(always)]
-fn orthonormalize<T: Real, const N: usize>(vectors: &mut [Pair<T>; N]) {
-    scale_to_unit(vectors);
-    // Twice is enough, and once when little was taken away.
-    for _ in 0..2 {
-        let overlap = product(vectors);
-        for Pair([first, second]) in vectors.iter_mut() {
-            *second -= *first * overlap;
-        }
-        scale_to_unit(vectors);
-        if overlap * overlap < T::lit(0.5) {
-            break;
-        }
-    }
-}
-
-/// The squared sine of the angle by which the first vector has moved.
-#[inline(always)]
-fn moved<T: Real, const N: usize>(before: &[Pair<T>; N], after: &[Pair<T>; N]) -> T {
-    let both = || {
-        before
-            .iter()
-            .zip(after)
-            .map(|(before, after)| (before.0[0], after.0[0]))
-    };
-    let cosine = both().fold(T::zero(), |sum, (before, after)| sum + before * after);
-    both().fold(T::zero(), |sum, (before, after)| {
-        let apart = after - before * cosine;
-        sum + apart * apart
-    })
-}
-
-/// Turns two orthonormal vectors in their plane into the singular vectors of R there, the one with the
-/// smaller singular value first; the values.
-#[inline(always)]
-fn rayleigh_ritz<T: Real, const N: usize>(
-    factor: &[[T; N]; N],
-    vectors: &mut [Pair<T>; N],
-) -> [T; 2] {
-    let mut images = [Pair([T::zero(); 2]); N];
-    for i in 0..N {
-        for j in i..N {
-            images[i] = images[i] + vectors[j] * factor[i][j];
-        }
-    }
-    // One-sided Jacobi rotation: makes the two images orthogonal without forming their squares' difference twice.
-    let (Pair([aa, bb]), ab) = (squares(&images), product(&images));
-    let zeta = (bb - aa) * T::lit(0.5);
-    let reach = (zeta * zeta + ab * ab).sqrt();
-    let tangent = if reach > T::zero() {
-        ab / (zeta.abs() + reach)
-            * if zeta < T::zero() {
-                -T::one()
-            } else {
-                T::one()
-            }
-    } else {
-        T::zero()
-    };
-    let cos = T::one() / (T::one() + tangent * tangent).sqrt();
-    let sin = cos * tangent;
-    let turn = |Pair([a, b]): &mut Pair<T>| (*a, *b) = (*a * cos - *b * sin, *a * sin + *b * cos);
-    images.iter_mut().for_each(turn);
-    vectors.iter_mut().for_each(turn);
-    let Pair([first, second]) = squares(&images).map(|square| square.sqrt());
-    if first <= second {
-        [first, second]
-    } else {
-        vectors.iter_mut().for_each(|pair| pair.0.reverse());
-        [second, first]
-    }
 }
 
 #[cfg(test)]
@@ -419,6 +166,17 @@ mod tests {
 
     extern crate alloc;
     use alloc::vec::Vec;
+
+    #[test]
+    fn dependent_columns_have_a_null_vector() {
+        let mut factor = TriangularFactor::<f64, 2>::new();
+        for row in [[1.0, 1.0], [1.0, 1.0], [2.0, 2.0]] {
+            factor.push(row);
+        }
+        let null = factor.null_space();
+        assert!(null.singular_values[0] < 1e-15);
+        assert!((null.vectors[0].x + null.vectors[0].y).abs() < 1e-15);
+    }
 
     #[test]
     fn smallest_singular_vectors_are_those_of_the_full_decomposition() {

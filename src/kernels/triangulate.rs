@@ -2,10 +2,13 @@
 //! A landmark from bearings taken at known poses.
 
 use super::triangular::TriangularFactor;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2};
+
+/// Fewest views that fix a landmark.
+pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
 
 /// A landmark and how its sightings agree with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +71,7 @@ where
     if count < 2 {
         return Err(Error::TooFew {
             what: "rays of a landmark",
-            needed: 2,
+            needed: MIN_VIEWS_OF_LANDMARK,
             got: count,
         });
     }
@@ -121,7 +124,7 @@ fn solve<T: Real>(
     let bound = T::eps() * T::lit(16.0);
     if !(parallax > bound) {
         return Err(Error::Degenerate {
-            quantity: "parallax of the rays",
+            kind: Degeneracy::ParallelRays,
             value: parallax.as_f64(),
             bound: bound.as_f64(),
         });

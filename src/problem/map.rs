@@ -8,6 +8,7 @@ use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::{Pose, transform_pose};
+use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
@@ -20,10 +21,6 @@ pub struct Map {
     /// The position of each landmark.
     pub landmarks: Vec<Option<Point2<f64>>>,
 }
-
-/// Fewest landmarks that fix a view, and fewest views that fix a landmark.
-pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
-pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
 
 impl Map {
     /// A map with nothing in it.

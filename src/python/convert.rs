@@ -1,62 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Arrays and errors across the border.
+//! Arrays across the border.
 
+use super::errors::{error, invalid};
 use crate::{Bearing, Error, Map, Pose, Triple};
 use alloc::string::String;
 use alloc::vec::Vec;
 use nalgebra::{Point2, UnitComplex};
 use numpy::{PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use std::format;
 
 pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
 pub type Indices<'py> = PyReadonlyArrayDyn<'py, i64>;
-
-/// An exception of `bearslam.errors`, made there: its classes live in Python.
-fn raise(py: Python<'_>, class: &str, message: &str, details: Option<&Bound<'_, PyDict>>) -> PyErr {
-    let made = py
-        .import("bearslam.errors")
-        .and_then(|module| module.getattr(class))
-        .and_then(|class| class.call((message,), details));
-    match made {
-        Ok(exception) => PyErr::from_value(exception),
-        Err(error) => error,
-    }
-}
-
-pub fn invalid(py: Python<'_>, message: &str) -> PyErr {
-    raise(py, "InvalidInputError", message, None)
-}
-
-pub fn error(py: Python<'_>, error: Error) -> PyErr {
-    let message = format!("{error}");
-    let (quantity, value, bound) = match error {
-        Error::Degenerate {
-            quantity,
-            value,
-            bound,
-        } => (quantity, value, bound),
-        // What the geometry of the data leaves open, too.
-        Error::NoConsensus {
-            freedom, outliers, ..
-        } => (
-            "inliers beyond the unknowns, of which there should be one for four outliers",
-            freedom as f64,
-            outliers as f64 / 4.0,
-        ),
-        _ => return invalid(py, &message),
-    };
-    let details = PyDict::new(py);
-    let filled = details
-        .set_item("quantity", quantity)
-        .and_then(|()| details.set_item("value", value))
-        .and_then(|()| details.set_item("bound", bound));
-    match filled {
-        Ok(()) => raise(py, "DegenerateError", &message, Some(&details)),
-        Err(error) => error,
-    }
-}
 
 /// The entries in C order, after a check of the shape (`None` stands for any length).
 pub fn entries(

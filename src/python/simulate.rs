@@ -2,6 +2,7 @@
 //! Scenes with known truth.
 
 use super::convert::{self, Floats};
+use super::errors;
 use crate::{Arena, Layout, Scene};
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -30,7 +31,7 @@ pub fn simulate<'py>(
     };
     let scene = py
         .detach(|| crate::simulate(layout, views, landmarks, noise, seed, arena))
-        .map_err(|error| convert::error(py, error))?;
+        .map_err(|error| errors::error(py, error))?;
     let points: Vec<Option<Point2<f64>>> = scene.landmarks.iter().copied().map(Some).collect();
     Ok([
         convert::poses(py, scene.poses.iter().map(Some)),
@@ -54,7 +55,7 @@ pub fn odometry<'py>(
     };
     let motions = py
         .detach(|| scene.odometry(sigmas, seed))
-        .map_err(|error| convert::error(py, error))?;
+        .map_err(|error| errors::error(py, error))?;
     Ok(convert::poses(
         py,
         motions.iter().map(|motion| Some(&motion.delta)),
@@ -67,6 +68,6 @@ pub fn layout(py: Python<'_>, name: &str) -> PyResult<Layout> {
         .find(|layout| layout.name() == name)
         .ok_or_else(|| {
             let known = Layout::ALL.map(Layout::name).join("\" or \"");
-            convert::invalid(py, &format!("layout: expected \"{known}\", got {name:?}"))
+            errors::invalid(py, &format!("layout: expected \"{known}\", got {name:?}"))
         })
 }

@@ -2,9 +2,10 @@
 //! Maps of many views: from nothing, from a start, without the refinement.
 
 use super::convert::{self, Floats};
-use super::problem::RawProblem;
-use super::result;
-use super::watch::Watcher;
+use super::errors;
+use super::observer::Observer;
+use super::reconstruction::{self, RawReconstruction};
+use super::request::Request;
 use crate::{
     Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, Search, SolveOptions,
     Strategy,
@@ -12,61 +13,89 @@ use crate::{
 use alloc::string::String;
 use alloc::vec::Vec;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use std::format;
 
-/// How a first map is found, as the package hands it over: in a dictionary.
+/// The package's `Settings`: how a map is found and refined.
 #[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct RawSearch {
+pub struct Settings {
     method: String,
+    search: RawSearch,
+    loss: String,
+    refinement: RawRefinement,
+    robust: bool,
+    seed: u64,
+}
+
+/// The package's `SearchOptions`; the core's defaults go out as the same.
+#[derive(Clone, Copy, FromPyObject, IntoPyObject)]
+struct RawSearch {
     triples: usize,
     grown: usize,
     candidates: usize,
     swept: usize,
-    seed: u64,
-    robust: bool,
 }
 
-/// How it is refined.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct RawRefine {
+/// The package's `RefineOptions`.
+#[derive(Clone, Copy, FromPyObject, IntoPyObject)]
+struct RawRefinement {
     max_iterations: usize,
     damping: f64,
     tolerance: f64,
-    loss: String,
     /// In standard deviations; the constant of the loss if there is none.
     loss_scale: Option<f64>,
+}
+
+/// The defaults of the core, which the package states as well: a test compares them.
+#[derive(IntoPyObject)]
+pub struct Defaults {
+    search: RawSearch,
+    refinement: RawRefinement,
+}
+
+#[pyfunction]
+pub fn defaults() -> Defaults {
+    let (search, refine) = (Search::default(), RefineOptions::default());
+    Defaults {
+        search: RawSearch {
+            triples: search.triples,
+            grown: search.grown,
+            candidates: search.candidates,
+            swept: search.swept,
+        },
+        refinement: RawRefinement {
+            max_iterations: refine.max_iterations,
+            damping: refine.damping,
+            tolerance: refine.tolerance,
+            loss_scale: None,
+        },
+    }
 }
 
 #[pyfunction]
 pub fn initialize<'py>(
     py: Python<'py>,
-    problem: RawProblem<'py>,
-    search: RawSearch,
-    refine: RawRefine,
+    request: Request<'py>,
+    settings: Settings,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
-    let problem = problem.read(py)?;
-    let options = options(py, &search, &refine)?;
-    let found = Watcher::run(py, progress, |watch| {
+) -> PyResult<Vec<RawReconstruction<'py>>> {
+    let problem = request.read(py)?;
+    let options = settings.read(py)?;
+    let found = Observer::run(py, progress, |watch| {
         crate::initialize(&problem, &options, Some(watch))
     })?;
-    result::ranked(py, &found, None)
+    reconstruction::best_with_alternatives(py, &found, None)
 }
 
 #[pyfunction]
 pub fn solve<'py>(
     py: Python<'py>,
-    problem: RawProblem<'py>,
-    search: RawSearch,
-    refine: RawRefine,
+    request: Request<'py>,
+    settings: Settings,
     covariance: Option<String>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<Bound<'py, PyDict>>> {
-    let problem = problem.read(py)?;
-    let options = options(py, &search, &refine)?;
+) -> PyResult<Vec<RawReconstruction<'py>>> {
+    let problem = request.read(py)?;
+    let options = settings.read(py)?;
     let wanted = covariance.map(|name| Wanted::of(py, &name)).transpose()?;
     // The covariance of a robust map is that of its inliers.
     let loss = if options.robust {
@@ -74,60 +103,66 @@ pub fn solve<'py>(
     } else {
         options.refine.loss
     };
-    let (found, covariance) = Watcher::run(py, progress, |watch| {
+    let (found, covariance) = Observer::run(py, progress, |watch| {
         let found = crate::solve(&problem, &options, Some(&mut *watch))?;
         let covariance = wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, watch));
         Ok((found, covariance.transpose()?))
     })?;
-    result::ranked(py, &found, covariance.as_ref())
+    reconstruction::best_with_alternatives(py, &found, covariance.as_ref())
 }
 
 #[pyfunction]
 pub fn refine<'py>(
     py: Python<'py>,
-    problem: RawProblem<'py>,
+    request: Request<'py>,
+    settings: Settings,
     poses: Floats<'py>,
     landmarks: Floats<'py>,
-    refine: RawRefine,
     covariance: Option<String>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let problem = problem.read(py)?;
+) -> PyResult<RawReconstruction<'py>> {
+    let problem = request.read(py)?;
     let start = convert::map(py, &poses, &landmarks)?;
-    let options = refine.read(py)?;
+    let options = settings.refine_options(py)?;
     let wanted = covariance.map(|name| Wanted::of(py, &name)).transpose()?;
-    let (found, covariance) = Watcher::run(py, progress, |watch| {
+    let (found, covariance) = Observer::run(py, progress, |watch| {
         let found = crate::refine(&problem, &start, &options, Some(&mut *watch))?;
         let covariance =
             wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, watch));
         Ok((found, covariance.transpose()?))
     })?;
-    result::reconstruction(py, &found, covariance.as_ref())
+    RawReconstruction::of(py, &found, covariance.as_ref())
 }
 
-fn options(py: Python<'_>, search: &RawSearch, refine: &RawRefine) -> PyResult<SolveOptions> {
-    Ok(SolveOptions {
-        strategy: search.strategy(py)?,
-        refine: refine.read(py)?,
-        seed: search.seed,
-        robust: search.robust,
-    })
-}
+impl Settings {
+    fn read(&self, py: Python<'_>) -> PyResult<SolveOptions> {
+        Ok(SolveOptions {
+            strategy: self.strategy(py)?,
+            refine: self.refine_options(py)?,
+            seed: self.seed,
+            robust: self.robust,
+        })
+    }
 
-impl RawSearch {
     fn strategy(&self, py: Python<'_>) -> PyResult<Strategy> {
+        let RawSearch {
+            triples,
+            grown,
+            candidates,
+            swept,
+        } = self.search;
         match self.method.as_str() {
             "search" => Ok(Strategy::Search(Search {
-                triples: self.triples,
-                grown: self.grown,
-                candidates: self.candidates,
-                swept: self.swept,
+                triples,
+                grown,
+                candidates,
+                swept,
             })),
             "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
             "projective" => Ok(Strategy::FirstViews(Method::Projective)),
             "incremental" => Ok(Strategy::Incremental),
             "global" => Ok(Strategy::Global),
-            name => Err(convert::invalid(
+            name => Err(errors::invalid(
                 py,
                 &format!(
                     "method: expected \"search\", \"calibrated\", \"projective\", \"incremental\" or \
@@ -136,18 +171,22 @@ impl RawSearch {
             )),
         }
     }
-}
 
-impl RawRefine {
-    fn read(&self, py: Python<'_>) -> PyResult<RefineOptions> {
-        let scale = |usual| self.loss_scale.unwrap_or(usual);
+    fn refine_options(&self, py: Python<'_>) -> PyResult<RefineOptions> {
+        let RawRefinement {
+            max_iterations,
+            damping,
+            tolerance,
+            loss_scale,
+        } = self.refinement;
+        let scale = |usual| loss_scale.unwrap_or(usual);
         let loss = match self.loss.as_str() {
             "squared" => Loss::Squared,
             "huber" => Loss::Huber(scale(Loss::<f64>::HUBER)),
             "cauchy" => Loss::Cauchy(scale(Loss::<f64>::CAUCHY)),
             "truncated" => Loss::Truncated(scale(Loss::<f64>::TRUNCATED)),
             name => {
-                return Err(convert::invalid(
+                return Err(errors::invalid(
                     py,
                     &format!(
                         "loss: expected \"squared\", \"huber\", \"cauchy\" or \"truncated\", got {name:?}"
@@ -156,9 +195,9 @@ impl RawRefine {
             }
         };
         Ok(RefineOptions {
-            max_iterations: self.max_iterations,
-            damping: self.damping,
-            tolerance: self.tolerance,
+            max_iterations,
+            damping,
+            tolerance,
             loss,
         })
     }
@@ -179,7 +218,7 @@ impl Wanted {
         let frame = Frame::ALL.into_iter().find(|frame| frame.name() == name);
         frame.map(Self::In).ok_or_else(|| {
             let known = Frame::ALL.map(Frame::name).join("\", \"");
-            convert::invalid(
+            errors::invalid(
                 py,
                 &format!("covariance: expected any of \"{known}\", got {name:?}"),
             )
@@ -195,7 +234,11 @@ impl Wanted {
     ) -> Result<Covariance, Error> {
         let frame = match self {
             Self::In(frame) => frame,
-            Self::Fitting if map.ties(problem).0 == 0 => Frame::Priors,
+            Self::Fitting
+                if crate::adjustment::gauge::gauge_and_prior_numbers(problem, map).0 == 0 =>
+            {
+                Frame::Priors
+            }
             Self::Fitting => Frame::FirstView,
         };
         let all = map.poses.iter().flatten().count() + map.landmarks.iter().flatten().count();

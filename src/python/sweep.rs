@@ -2,6 +2,7 @@
 //! Monte-Carlo sweeps.
 
 use super::convert;
+use super::errors;
 use super::simulate::layout;
 use crate::{Cell, Chunk, Start, Tally};
 use alloc::string::String;
@@ -51,7 +52,7 @@ pub fn sweep(
     });
     match raised {
         Some(raised) => Err(raised),
-        None => result.map_err(|error| convert::error(py, error)),
+        None => result.map_err(|error| errors::error(py, error)),
     }
 }
 
@@ -90,7 +91,7 @@ fn start(py: Python<'_>, name: &str) -> PyResult<Start> {
         .find(|start| start.name() == name)
         .ok_or_else(|| {
             let known = Start::ALL.map(Start::name).join("\", \"");
-            convert::invalid(
+            errors::invalid(
                 py,
                 &format!("starts: expected any of \"{known}\", got {name:?}"),
             )

@@ -22,7 +22,7 @@ const MAX_VIEWS: usize = 1024;
 /// no three views share five landmarks.
 ///
 /// # Errors
-/// [`Error::TooLarge`] above 1024 views, [`Error::NeedsRays`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when
+/// [`Error::TooLarge`] above 1024 views, [`Error::NeedsOriented`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when
 /// none can.
 pub fn starts(
     problem: &Problem,
@@ -31,7 +31,7 @@ pub fn starts(
 ) -> Result<Vec<Map>, Error> {
     // The signs of the bearings tell the branches of most triples apart, and which way the system is to go.
     if !problem.is_oriented() {
-        return Err(Error::NeedsRays {
+        return Err(Error::NeedsOriented {
             what: "the global method",
         });
     }

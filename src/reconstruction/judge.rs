@@ -3,7 +3,7 @@
 //! several is the best.
 
 use super::result::Reconstruction;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::Termination;
@@ -51,7 +51,7 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     // the uncertainty says so.
     if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
         return Err(Error::Degenerate {
-            quantity: "sensitivity of the map to bearing noise, in map sizes per radian,",
+            kind: Degeneracy::FreeMap,
             value: per_radian,
             bound,
         });
@@ -114,7 +114,7 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
     });
     let mut found = found.into_iter();
     let mut best = found.next().ok_or(Error::Degenerate {
-        quantity: "number of hypotheses that could be refined",
+        kind: Degeneracy::NoHypothesis,
         value: 0.0,
         bound: 1.0,
     })?;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a caller may choose, and how it is told of progress.
 
-use crate::adjustment::RefineOptions;
 use crate::kernels::Method;
+use crate::lm::RefineOptions;
 
 /// How a first map is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,15 +4,13 @@
 use super::infinity::take_out_unbounded;
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
-use super::options::{Progress, SolveOptions, Strategy, tell};
+use super::options::{Progress, SolveOptions, tell};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
-use super::search::hypotheses::{Hypotheses, Hypothesis};
-use super::search::plain;
 use super::strategy;
-use crate::adjustment::{RefineOptions, Report, cost, refine_map};
+use crate::adjustment::{Report, cost, refine_map};
 use crate::error::Error;
-use crate::lm::Termination;
+use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem, Subject, Why};
 
 /// A linear map without refinement: a start for a solver of one's own.
@@ -45,35 +43,22 @@ pub fn initialize(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let mut progress = progress;
-    let (hypotheses, count) = match strategy::first_map(problem, options, &mut progress)? {
-        Some(map) => (Hypotheses::of([map]), 1),
-        None => {
-            let count = match options.strategy {
-                Strategy::FirstViews(_) => 1,
-                _ => 2,
-            };
-            (plain::first_maps(problem, options, &mut progress)?, count)
-        }
-    };
-    let judged = hypotheses
-        .maps
-        .into_iter()
-        .take(count)
-        .map(|Hypothesis { mut map, .. }| {
-            let undetermined = map.prune(problem);
-            let cost = cost(problem, &map, options.refine.loss);
-            Reconstruction::new(
-                problem,
-                &map,
-                Report {
-                    cost,
-                    termination: Termination::NotRefined,
-                    iterations: 0,
-                    undetermined,
-                    loss: options.refine.loss,
-                },
-            )
-        });
+    let maps = strategy::first_maps(problem, options, &mut progress)?;
+    let judged = maps.into_iter().map(|mut map| {
+        let undetermined = map.prune(problem);
+        let cost = cost(problem, &map, options.refine.loss);
+        Reconstruction::new(
+            problem,
+            &map,
+            Report {
+                cost,
+                termination: Termination::NotRefined,
+                iterations: 0,
+                undetermined,
+                loss: options.refine.loss,
+            },
+        )
+    });
     choose(problem, judged.collect())
 }
 
@@ -130,7 +115,7 @@ pub fn refine(
 /// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
 /// wall, views in one place) or exact bearings leave a direction of the map free;
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
-/// says so; with [`SolveOptions::robust`] [`Error::TooCoarse`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
+/// says so; with [`SolveOptions::robust`] [`Error::SigmaTooLarge`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
 /// [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
 /// # Example
@@ -154,6 +139,6 @@ pub fn solve(
     } else if options.robust {
         solve_robust(problem, options, &mut progress)
     } else {
-        plain::solve(problem, options, &mut progress)
+        strategy::solve(problem, options, &mut progress)
     }
 }

@@ -2,12 +2,16 @@
 //! Which path suits how much the views see, and what becomes of several maps.
 
 use super::grow::resect_view;
+use super::infinity::take_out_unbounded;
+use super::judge::{assess, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::search::hypotheses::{self, MIN_SHARED};
+use super::search::{first_three, plain};
 use super::{global, incremental};
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::problem::{Map, Problem, Subject, Why};
+use alloc::vec;
 use alloc::vec::Vec;
 
 /// Parts of the rule of [`is_limited`].
@@ -36,12 +40,50 @@ fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
     }
 }
 
-/// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
-/// everything sees nearly everything, or no three views share five landmarks.
+/// The map from bearings alone, without outliers, judged.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
-pub fn maps(
+pub fn solve(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    judged(problem, lowest(problem, options, progress)?)
+}
+
+/// The same, not yet tested for free directions.
+///
+/// # Errors
+/// As [`solve`].
+pub fn lowest(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let mut maps = components(problem, options, progress)?;
+    for map in &mut maps {
+        take_out_unbounded(problem, map);
+    }
+    for map in maps.iter_mut().skip(1) {
+        assess(problem, map);
+    }
+    if let Some(found) = with_components(problem, maps) {
+        return Ok(found);
+    }
+    match options.strategy {
+        Strategy::FirstViews(method) => {
+            let map = first_three::initialize_from_first_three(problem, method)?;
+            plain::from_map(problem, map, options, progress)
+        }
+        Strategy::Search(search) => plain::lowest(problem, search, options, progress),
+        Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
+    }
+}
+
+/// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
+/// everything sees nearly everything, or no three views share five landmarks.
+fn components(
     problem: &Problem,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
@@ -57,31 +99,42 @@ pub fn maps(
     }
 }
 
-/// A first map; `None` where the other paths are to be taken.
+/// First maps without refinement, the best first: two of a search, for either may be the better one.
 ///
 /// # Errors
 /// As [`initialize`](super::initialize).
-pub fn first_map(
+pub fn first_maps(
     problem: &Problem,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Option<Map>, Error> {
+) -> Result<Vec<Map>, Error> {
     let SolveOptions { refine, seed, .. } = options;
-    match effective(problem, options.strategy) {
-        Strategy::Incremental => incremental::first(problem, refine, *seed, progress),
-        Strategy::Global => {
-            let starts = global::starts(problem, *seed, progress)?;
-            Ok(starts.into_iter().next())
+    let grown = match effective(problem, options.strategy) {
+        Strategy::Incremental => incremental::first(problem, refine, *seed, progress)?,
+        Strategy::Global => global::starts(problem, *seed, progress)?.into_iter().next(),
+        Strategy::Search(_) | Strategy::FirstViews(_) => None,
+    };
+    if let Some(map) = grown {
+        return Ok(vec![map]);
+    }
+    match options.strategy {
+        Strategy::FirstViews(method) => Ok(vec![first_three::initialize_from_first_three(
+            problem, method,
+        )?]),
+        Strategy::Search(search) => {
+            let found = hypotheses::search(problem, search, *seed, progress)?;
+            let maps = found.maps.into_iter().take(2);
+            Ok(maps.map(|hypothesis| hypothesis.map).collect())
         }
-        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(None),
+        Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
     }
 }
 
 /// Why growth and the global method have found no map.
-pub fn no_map(problem: &Problem) -> Error {
+fn no_map(problem: &Problem) -> Error {
     match hypotheses::too_few(problem, MIN_SHARED) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
-            quantity: "number of maps with a sighting to spare",
+            kind: Degeneracy::NoSpareSighting,
             value: 0.0,
             bound: 1.0,
         },

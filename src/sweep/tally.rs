@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Counts that add up in any order.
 
-use super::trial::Outcome;
+use super::trial::TrialOutcome;
 use crate::simulate::Bound;
 use alloc::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use alloc::collections::BTreeMap;
 pub struct Tally {
     /// Trials.
     pub trials: u64,
-    /// Trials whose cost is not the least known, see [`Outcome::failed`].
+    /// Trials whose cost is not the least known, see [`TrialOutcome::failed`].
     pub failures: u64,
     /// Of these, those without any map.
     pub without_map: u64,
@@ -51,7 +51,7 @@ impl Quantity {
 
 impl Tally {
     /// Adds the outcome of a trial.
-    pub fn add(&mut self, outcome: &Outcome, bound: Option<&Bound>) {
+    pub fn add(&mut self, outcome: &TrialOutcome, bound: Option<&Bound>) {
         self.trials += 1;
         self.failures += u64::from(outcome.failed);
         self.without_map += u64::from(outcome.errors.is_none());

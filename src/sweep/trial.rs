@@ -2,9 +2,9 @@
 //! One random scene, solved from several starts and judged.
 
 use super::Cell;
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::kernels::Method;
+use crate::lm::RefineOptions;
 use crate::problem::{Problem, Why};
 use crate::reconstruction::{
     Progress, Reconstruction, SolveOptions, Strategy, initialize, refine, solve,
@@ -48,7 +48,7 @@ impl Start {
 
 /// What came of one start.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct TrialOutcome {
     /// Half the sum of squared residuals over sigma; infinite when there is no map, or it leaves out a
     /// bearing.
     pub cost: f64,
@@ -69,7 +69,7 @@ pub struct Outcome {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
     /// One for every start, in their order.
-    pub outcomes: Vec<Outcome>,
+    pub outcomes: Vec<TrialOutcome>,
     /// The cost of the refinement that starts at the truth.
     pub from_truth: f64,
     /// The least errors possible; `None` without noise, or when the bearings do not determine the map.
@@ -155,7 +155,7 @@ impl Trial {
             let nanoseconds = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
             outcomes.push(match found {
                 Err(Error::Interrupted) => return Err(Error::Interrupted),
-                Err(_) => Outcome {
+                Err(_) => TrialOutcome {
                     cost: f64::INFINITY,
                     failed: true,
                     errors: None,
@@ -163,7 +163,7 @@ impl Trial {
                     iterations: 0,
                     nanoseconds,
                 },
-                Ok(found) => Outcome {
+                Ok(found) => TrialOutcome {
                     cost: full_cost(&found),
                     failed: false,
                     errors: scene.errors(&found.map).ok(),

@@ -7,7 +7,7 @@ use crate::adjustment::Watch;
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal::Normal;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject};
 use alloc::vec::Vec;
@@ -92,13 +92,13 @@ pub fn covariance(
     let gauge = gauge_directions(&active, &bundle);
     if frame == Frame::Priors && !gauge.is_empty() {
         return Err(Error::Degenerate {
-            quantity: "number of directions of the whole that odometry and priors leave free",
+            kind: Degeneracy::FreeFrame,
             value: gauge.len() as f64,
             bound: 0.0,
         });
     }
     let singular = Error::Degenerate {
-        quantity: "pivot of the normal equations",
+        kind: Degeneracy::SingularNormalEquations,
         value: 0.0,
         bound: f64::EPSILON,
     };

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bearslam
-from bearslam.align import wrap
+from bearslam.data.align import wrap
 
 angle = st.floats(-np.pi, np.pi)
 length = st.floats(-100, 100)

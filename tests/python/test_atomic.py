@@ -6,7 +6,7 @@ import stat
 
 import pytest
 
-from bearslam.atomic import replacing
+from bearslam.io.atomic import replacing
 
 
 def test_the_file_is_there_when_the_block_ends(tmp_path):

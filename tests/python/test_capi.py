@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from bearslam import refine, resect, three_view, triangulate
+from bearslam import RefineOptions, refine, resect, three_view, triangulate
 
 VIEWS, LANDMARKS, HIDDEN = 4, 8, 7
 SIGMA = 0.001
@@ -65,7 +65,7 @@ def test_numbers_are_those_of_python(printed):
     agree(printed["triangulated"][0], triangulated)
 
     start = poses, np.vstack([best.landmarks, triangulated])
-    refined = refine(bearings, start, sigma=SIGMA, tolerance=0.0)
+    refined = refine(bearings, start, sigma=SIGMA, refinement=RefineOptions(tolerance=0.0))
     agree(printed["refined_poses"][0], refined.poses)
     agree(printed["refined_landmarks"][0], refined.landmarks)
     agree(printed["cost"][0], [refined.cost])

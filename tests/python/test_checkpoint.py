@@ -195,7 +195,7 @@ def statement(text):
         (statement("UPDATE chunk SET tally = x'00' WHERE cell = 1"), "is damaged: .*; delete it to begin anew"),
         (statement("UPDATE chunk SET tally = 'text'"), "is damaged"),
         (statement("UPDATE chunk SET tally = (SELECT tally || tally FROM chunk)"), "is damaged"),
-        (statement('UPDATE chunk SET "end" = 5'), "is damaged: a chunk with strange counts"),
+        (statement('UPDATE chunk SET "end" = 5'), "is damaged: a chunk with implausible counts"),
         (statement("UPDATE chunk SET cell = cell + 1000"), "is damaged: a chunk from 0 to 1 in cell 1000"),
         (statement("UPDATE chunk SET cell = 'a' WHERE cell = 3"), "is damaged"),
         (statement('UPDATE chunk SET "end" = 0'), "is damaged: a chunk from 0 to 0"),

@@ -16,8 +16,8 @@ import pytest
 
 import bearslam
 from bearslam.cli import main
+from bearslam.cli.report import describe, residuals_over_sigma
 from bearslam.progress import ProgressLine
-from bearslam.report import describe, excess
 
 from .test_files import BAD
 
@@ -223,17 +223,17 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 LOADED = """\
 import signal, sys
-import bearslam.cli, bearslam.cli_input
+import bearslam.cli, bearslam.cli.input
 
 # Where the tests run in the background the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-def load(path, load=bearslam.cli_input.load, **options):
+def load(path, load=bearslam.cli.input.load, **options):
     problem = load(path, **options)
     print("loaded", flush=True)
     return problem
 
-bearslam.cli_input.load = load
+bearslam.cli.input.load = load
 sys.exit(bearslam.cli.main(sys.argv[1:]))
 """
 
@@ -278,8 +278,8 @@ def test_a_bad_line_on_standard_input_has_its_number():
         (["solve", "scene.csv", "--triples", "0"], "triples: expected an integer from 1"),
         (["solve", "scene.csv", "--damping", "-1"], "damping: expected a number of at least 0, got -1.0"),
         (["solve", "few.csv"], ""),
-        (["solve", "scene.csv", "-o", "scene.csv"], "scene.csv: the map would replace the bearings that it is made"),
-        (["solve", "scene.csv", "-o", "./alias.csv"], "./alias.csv: the map would replace the bearings"),
+        (["solve", "scene.csv", "-o", "scene.csv"], "scene.csv: the map would overwrite the bearings it is made"),
+        (["solve", "scene.csv", "-o", "./alias.csv"], "./alias.csv: the map would overwrite the bearings"),
         (["simulate", "mixed", "4", "9", "-o", "a.csv", "--truth", "./a.csv"], "./a.csv: bearings and truth would"),
         (["simulate", "mixed", "1000000", "1000000"], "views: expected at most"),
         (["demo", "-o", "scene.csv"], "scene.csv: File exists"),
@@ -378,7 +378,7 @@ def test_a_file_that_cannot_be_written_is_left_as_it_was(scene, tmp_path, monkey
 
 def test_without_matplotlib_a_picture_is_refused_before_the_work(scene, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "bearslam.plot", raising=False)
+    monkeypatch.delitem(sys.modules, "bearslam.plotting.map", raising=False)
     out = tmp_path / "map.json"
     assert main(["solve", str(scene), "-o", str(out), "--plot", str(tmp_path / "map.png")]) == 1
     assert complaint(capsys) == 'pictures need matplotlib: pip install "bearslam[plot]"'
@@ -390,7 +390,7 @@ def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bearslam.cli_input.load", interrupted)
+    monkeypatch.setattr("bearslam.cli.input.load", interrupted)
     assert main(["solve", str(scene)]) == 130
     assert capsys.readouterr().err == "bearslam: interrupted\n"
 
@@ -450,12 +450,12 @@ def test_residuals_that_are_too_large_are_told(tmp_path, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_excess_counts_odometry_and_priors():
+def test_residuals_over_sigma_counts_odometry_and_priors():
     noise, sigma = 0.01, (0.02, 0.02, 0.01)
     scene = bearslam.simulate("trajectory", 60, 30, noise=noise, seed=4, sight=2.5)
     odometry = scene.odometry(sigma, seed=1)
     known = bearslam.PosePriors([0], scene.poses[:1], [0.1, 0.1, np.inf])
     beacons = bearslam.LandmarkPriors([3], scene.landmarks[3:4], 0.01)
     result = bearslam.solve(scene.bearings, sigma=noise, odometry=odometry, pose_priors=known, landmark_priors=beacons)
-    assert excess(result) == pytest.approx(1.0, abs=0.1)
-    assert np.isnan(excess(bearslam.solve(scene.bearings)))
+    assert residuals_over_sigma(result) == pytest.approx(1.0, abs=0.1)
+    assert np.isnan(residuals_over_sigma(bearslam.solve(scene.bearings)))

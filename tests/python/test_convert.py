@@ -88,7 +88,7 @@ def test_what_is_no_such_file_is_refused(tmp_path, name, content, message):
 
 
 def test_a_bomb_does_not_go_off(tmp_path, monkeypatch):
-    monkeypatch.setattr("bearslam.compressed.LIMIT", len(CSV))
+    monkeypatch.setattr("bearslam.io.compression.LIMIT", len(CSV))
     assert len(bearslam.load(io.BytesIO(gzip.compress(CSV))).sightings) == 2
     bomb = gzip.compress(CSV + b"#" * 5 * 10**7)
     tracemalloc.start()
@@ -136,7 +136,7 @@ def test_csv_holds_sightings_alone(tmp_path_factory, problem):
 def test_names_that_no_text_has_are_refused(tmp_path):
     problem = Problem(Sightings([0], [0], [0.5], 0.1), ["\ud800"], ["b"])
     for name in ("a.csv", "a.g2o"):
-        with pytest.raises(InvalidInputError, match="^path: expected names that UTF-8 has letters for, got"):
+        with pytest.raises(InvalidInputError, match="^path: expected names that UTF-8 can encode, got"):
             bearslam.save(problem, tmp_path / name)
     assert not list(tmp_path.iterdir())
 
@@ -194,7 +194,7 @@ def test_what_is_not_used_is_told(folder, capsys):
             "problem: expected sightings alone for a CSV file, got odometry, start as well; a",
         ),
         (["convert", "a.g2o", "b.json"], "path: expected a name that ends in .csv or .g2o, got 'b.json'"),
-        (["convert", "a.g2o", "a.g2o"], "a.g2o: the result would replace what it is made from"),
+        (["convert", "a.g2o", "a.g2o"], "a.g2o: the result would overwrite the file it is made from"),
         (["convert", "a.g2o", "none/b.g2o"], "none/b.g2o: there is no folder 'none'"),
         (["convert", "none.g2o", "b.g2o"], "none.g2o: No such file or directory"),
         (["convert", "a.g2o", "b.g2o", "--sensor", "1"], "--sensor: expected X Y or X Y DEG, got 1 numbers"),

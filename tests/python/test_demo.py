@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from bearslam.demo import EXPERIMENTS, measure
+from bearslam.cli.demo import EXPERIMENTS, measure
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.name)

@@ -111,7 +111,7 @@ def test_the_error_carries_it():
     assert found.findings[0].name == "collinear_landmarks"
     for twin in (copy.copy(caught.value), pickle.loads(pickle.dumps(caught.value))):
         assert str(twin.diagnosis) == str(found)
-    assert bearslam.DegenerateError("no map", quantity="gap", value=1.5, bound=2.0).diagnosis is None
+    assert bearslam.DegenerateError("no map", kind="no_hypothesis", value=1.5, bound=2.0).diagnosis is None
 
 
 def test_wrong_arguments():

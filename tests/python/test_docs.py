@@ -22,7 +22,7 @@ MODULES = [
     importlib.import_module(found.name)
     for found in pkgutil.walk_packages(bearslam.__path__, "bearslam.")
     if found.name not in ("bearslam.__main__", "bearslam._core")
-    and (found.name != "bearslam.viewer" or importlib.util.find_spec("rerun") is not None)
+    and (found.name != "bearslam.plotting.viewer" or importlib.util.find_spec("rerun") is not None)
 ]
 
 

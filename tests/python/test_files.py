@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.report import describe
-from bearslam.sightings_file import parse, render
+from bearslam.cli.report import describe
+from bearslam.io.sightings_csv import parse, render
 
 GOOD = """\
 # the kitchen, on a Tuesday
@@ -187,7 +187,14 @@ def test_covariances_and_outliers_are_saved(tmp_path):
     bearings = scene.bearings.copy()
     bearings[1:, 9] = np.nan
     bearings[2, 3] += 0.2
-    result = bearslam.refine(bearings, scene, sigma=0.002, loss="truncated", loss_scale=5.0, covariance=True)
+    result = bearslam.refine(
+        bearings,
+        scene,
+        sigma=0.002,
+        loss="truncated",
+        refinement=bearslam.RefineOptions(loss_scale=5.0),
+        covariance=True,
+    )
     path = tmp_path / "map.json"
     result.save(path)
     saved = json.loads(path.read_text(), parse_constant=pytest.fail)

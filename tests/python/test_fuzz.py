@@ -32,10 +32,10 @@ def test_files_that_are_whole_are_read(tmp_path, name):
 
 
 def test_a_loader_that_loses_lines_is_found(monkeypatch):
-    def lossy(data, name, parse=bearslam.g2o_file.parse):
+    def lossy(data, name, parse=bearslam.io.g2o.parse):
         return parse(data[: data.rindex(b"\n", 0, -1) + 1] if data.count(b"\n") > 3 else data, name)
 
-    monkeypatch.setattr("bearslam.g2o_file.parse", lossy)
+    monkeypatch.setattr("bearslam.io.g2o.parse", lossy)
     _, failures = fuzz.run(1, files=2000, limit=100)
     assert any("sightings of" in failure for failure in failures)
 
@@ -44,6 +44,6 @@ def test_an_error_without_a_line_is_found(monkeypatch):
     def vague(data, name):
         raise bearslam.InvalidInputError(f"{name}: something is wrong")
 
-    monkeypatch.setattr("bearslam.graph_file.parse", lambda data, name, noise: vague(data, name))
+    monkeypatch.setattr("bearslam.io.text_graph.parse", lambda data, name, noise: vague(data, name))
     _, failures = fuzz.run(1, files=100)
     assert any("no line in" in failure for failure in failures)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, Offsets, PosePriors, Problem, Sightings
-from bearslam.g2o_file import parse, render
+from bearslam.io.g2o import parse, render
 
 number = st.floats(-1e6, 1e6)
 positive = st.floats(1e-4, 1e4) | st.sampled_from([1e-100, 1e100, 0.1, 1 / 3])
@@ -208,7 +208,10 @@ BAD = [
     ),
     ("EDGE_SE2_XY 0 1 1 2 4 0 0\n", "bad.g2o:1: expected information above 0, got '0'"),
     ("EDGE_SE2_XY 0 1 1 2 4 4 4\n", "bad.g2o:1: expected information that is positive definite, got 4 4 4"),
-    ("EDGE_SE2_XY 0 1 0 0 4 0 4\n", "bad.g2o:1: expected a landmark apart from the pose, got one upon it"),
+    (
+        "EDGE_SE2_XY 0 1 0 0 4 0 4\n",
+        "bad.g2o:1: expected a landmark away from the pose, got one that coincides with it",
+    ),
     ("EDGE_SE2_XY 0 1 1 2 1e-300 0 4\n", "bad.g2o:1: expected standard deviations from 1e-100 to 1e+100, got 1e+150"),
     ("EDGE_SE2_XY 0 1 1e-90 0 1 0 1e-40\n", "bad.g2o:1: expected a bearing with a standard deviation from 1e-100 to"),
     (SEEN + "EDGE_SE2 0 2 1 0 0 9 0 0 9 0 0\n", "bad.g2o:2: expected information above 0, got '0'"),
@@ -224,7 +227,7 @@ BAD = [
         SEEN + "EDGE_SE2_XY 0 1 1 2 4 0 4\n",
         "bad.g2o:2: pose '0' sees landmark '1' a second time; the first is on line 1",
     ),
-    ("VERTEX_XY 1 0 0\nVERTEX_XY 1 0 0\n", "bad.g2o:2: vertex 1 comes a second time; the first is on line 1"),
+    ("VERTEX_XY 1 0 0\nVERTEX_XY 1 0 0\n", "bad.g2o:2: vertex 1 appears a second time; the first is on line 1"),
     (
         SEEN + "VERTEX_SE2 0 0 0 0 # bearslam unknown\nFIX 0\n",
         "bad.g2o:3: expected a vertex to fix, got 0, which has no",
@@ -245,7 +248,7 @@ BAD = [
     ),
     (
         SEEN + "EDGE_PRIOR_SE2 0 0 0 0 0 0 0 0 0 4\nEDGE_PRIOR_SE2 0 0 0 0 4 1 0 4 0 4\n",
-        "bad.g2o:2: a coordinate without information cannot be beside priors with correlations",
+        "bad.g2o:2: a coordinate without information cannot be combined with priors with correlations",
     ),
     (SEEN + "EDGE_PRIOR_XY 1 0 0 0 0 4\n", "bad.g2o:2: expected information above 0, got '0'"),
     (
@@ -276,7 +279,7 @@ BAD = [
     ),
     (
         "EDGE_SE2_XY 0 1 1 1 1 0 1 # bearslam covariance 1 1 1\n",
-        "bad.g2o:1: expected a positive definite covariance with an inverse that doubles hold",
+        "bad.g2o:1: expected a positive definite covariance whose inverse doubles can hold",
     ),
     (
         SEEN + "VERTEX_SE2 0 0 0 0 # bearslam name a\nVERTEX_SE2 2 0 0 0 # bearslam name a\n",
@@ -313,11 +316,11 @@ SIGHTINGS = Sightings([0, 1], [0, 0], [0.5, -0.5], 0.1)
     [
         (
             Sightings([0], [0], [0.5]),
-            "sightings: expected standard deviations, for g2o states the information of every",
+            "sightings: expected standard deviations, since g2o states the information of every",
         ),
         (
             [[0.5]],
-            "sightings: expected standard deviations, for g2o states the information of every edge, got none; give",
+            "sightings: expected standard deviations, since g2o states the information of every edge, got none; give",
         ),
         (Sightings([0, 0], [0, 0], [0.5, 0.6], 0.1), "sightings: view 0 sees landmark 0 more than once"),
         (
@@ -348,7 +351,7 @@ SIGHTINGS = Sightings([0, 1], [0, 0], [0.5, -0.5], 0.1)
             Problem(
                 SIGHTINGS, "ab", "c", landmark_priors=LandmarkPriors([0], [[0, 0]], [[[1e-320, 0], [1e-321, 1.0]]])
             ),
-            "EDGE_PRIOR_XY 2: expected a positive definite covariance with an inverse that doubles hold",
+            "EDGE_PRIOR_XY 2: expected a positive definite covariance whose inverse doubles can hold",
         ),
     ],
 )
@@ -413,7 +416,7 @@ def test_a_map_goes_on_from_where_it_is(solved, tmp_path):
 def test_lines_are_not_written_as_rays(tmp_path):
     scene = bearslam.simulate("mixed", 6, 10, noise=0.002, seed=3)
     result = bearslam.solve(scene.bearings % np.pi, sigma=0.002, oriented=False)
-    with pytest.raises(InvalidInputError, match="^path: expected bearings that are rays, as g2o takes them, got lines"):
+    with pytest.raises(InvalidInputError, match="^path: expected bearings that are rays, as in g2o, got lines"):
         result.save(tmp_path / "lines.g2o")
     assert not list(tmp_path.iterdir())
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, Offsets, PosePriors, Problem, Sightings
-from bearslam.graph_file import parse
-from bearslam.mounting import mounted
+from bearslam.io.sensor_pose import in_sensor_frame
+from bearslam.io.text_graph import parse
 
 from .conftest import REPOSITORY
 from .test_g2o import assert_same
@@ -67,7 +67,7 @@ def test_both_conventions_in_both_orders(noise):
     matrix = np.array([[100, 10, 5], [10, 25, 1], [5, 1, 400.0]])
     expected = matrix if noise in ("graph", "cov") else np.linalg.inv(matrix)
     np.testing.assert_allclose(parse(text.encode(), "x", noise).odometry.sigma[0], expected, rtol=1e-14)
-    with pytest.raises(InvalidInputError, match="^x:1: the numbers .* do not tell what they are; say it by noise: "):
+    with pytest.raises(InvalidInputError, match="^x:1: the numbers .* are ambiguous; state their meaning by noise: "):
         parse(text.encode(), "x")
 
 
@@ -112,20 +112,23 @@ BAD = [
     ("BR 0 1 0.5 5e-324 0.02 0.3\n", "bad.graph:1: expected a landmark at a distance from 1e-100 to 1e+100, got 4.94"),
     (SEEN + "odometry 0 1\n", "bad.graph:2: expected a tag such as ODOMETRY, got 'odometry'"),
     (SEEN + "EDGE2 0 0 1 0 0 1 0 4 9 0 0\n", "bad.graph:2: expected an edge between two poses, got 0 twice"),
-    (SEEN + "EDGE2 0 1 1 0 0 0 0 0 0 0 0\n", "bad.graph:2: the numbers 0 0 0 0 0 0 do not tell what they are; say it"),
+    (SEEN + "EDGE2 0 1 1 0 0 0 0 0 0 0 0\n", "bad.graph:2: the numbers 0 0 0 0 0 0 are ambiguous; state their meaning"),
     (SEEN + "EDGE2 0 1 1 0 0 -1 0 4 9 0 0\n", "bad.graph:2: expected variances above 0, got -1"),
     (SEEN + "EDGE2 0 1 1 0 0 1 0 4 9 0 0\nEDGE2 1 2 1 0 0 1 0 0 4 0 9\n", "bad.graph:3: the zeros look like those of"),
     ("LANDMARK 0 1 1 0 0 0 1\n", "bad.graph:1: expected variances above 0, got 0"),
-    ("LANDMARK 0 1 1 0 1 1 1\n", "bad.graph:1: expected a positive definite matrix, got one that is next to singular"),
-    ("LANDMARK 0 1 0 0 1 0 1\n", "bad.graph:1: expected a landmark apart from the pose, got one upon it"),
+    ("LANDMARK 0 1 1 0 1 1 1\n", "bad.graph:1: expected a positive definite matrix, got one that is nearly singular"),
+    ("LANDMARK 0 1 0 0 1 0 1\n", "bad.graph:1: expected a landmark away from the pose, got one that coincides with it"),
     ("BR 0 1 0.5 0 0.02 0.3\n", "bad.graph:1: expected a range above 0, got 0"),
     ("BR 0 1 0.5 10 0 0.3\n", "bad.graph:1: expected a standard deviation above 0, got 0"),
     (
         "BR 0 1 0.5 1e200 1e200 1\n",
-        "bad.graph:1: expected a range and standard deviations that doubles hold, got 1e+200",
+        "bad.graph:1: expected a range and standard deviations that doubles can hold, got 1e+200",
     ),
     (SEEN + SEEN, "bad.graph:2: pose '0' sees landmark '1' a second time; the first is on line 1"),
-    (SEEN + "VERTEX2 0 0 0 0\nVERTEX2 0 1 0 0\n", "bad.graph:3: vertex 0 comes a second time; the first is on line 2"),
+    (
+        SEEN + "VERTEX2 0 0 0 0\nVERTEX2 0 1 0 0\n",
+        "bad.graph:3: vertex 0 appears a second time; the first is on line 2",
+    ),
 ]
 
 
@@ -155,9 +158,9 @@ coordinate = st.floats(-10, 10)
 def test_bearings_with_ranges_come_back_from_g2o(rows):
     text = "".join(f"BR 0 {j} {' '.join(map(repr, row))}\n" for j, row in enumerate(rows))
     problem = parse(text.encode(), "some.graph")
-    from bearslam import g2o_file
+    from bearslam.io import g2o
 
-    assert_same(g2o_file.parse(g2o_file.render(problem).encode(), "some.g2o"), problem)
+    assert_same(g2o.parse(g2o.render(problem).encode(), "some.g2o"), problem)
 
 
 @pytest.mark.skipif(not PARK.exists(), reason=f"no data in {PARK}; BEARSLAM_SHARED names the folder above data/")
@@ -244,7 +247,7 @@ SENSOR = (1.5, -0.5, 0.4)
 
 
 def test_a_sensor_sees_what_it_should(vehicle):
-    moved = mounted(vehicle, SENSOR)
+    moved = in_sensor_frame(vehicle, SENSOR)
     poses, landmarks = vehicle.start
     cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     places = poses[:, :2] + np.column_stack([cosine * 1.5 + sine * 0.5, sine * 1.5 - cosine * 0.5])
@@ -261,7 +264,7 @@ def test_a_sensor_sees_what_it_should(vehicle):
 
 def test_covariances_are_those_of_the_sensor(vehicle):
     """Draws of the vehicle's motion and place, taken to the sensor one by one, scatter as the covariances say."""
-    moved = mounted(vehicle, SENSOR)
+    moved = in_sensor_frame(vehicle, SENSOR)
     rng = np.random.default_rng(2)
     noise = rng.normal(size=(200_000, 3)) * 1e-3
 
@@ -292,7 +295,7 @@ def test_there_and_back_again(vehicle):
     cosine, sine = math.cos(0.4), math.sin(0.4)
     x, y, turn = SENSOR
     back = (-cosine * x - sine * y, sine * x - cosine * y, -turn)
-    again = mounted(mounted(vehicle, SENSOR), back)
+    again = in_sensor_frame(in_sensor_frame(vehicle, SENSOR), back)
     np.testing.assert_allclose(again.sightings.bearing, vehicle.sightings.bearing, atol=1e-13)
     np.testing.assert_allclose(again.sightings.sigma, vehicle.sightings.sigma, rtol=1e-12)
     np.testing.assert_allclose(again.odometry.delta, vehicle.odometry.delta, atol=1e-13)
@@ -303,25 +306,25 @@ def test_there_and_back_again(vehicle):
 
 def test_bearings_alone_can_be_turned_but_not_moved():
     problem = Problem(Sightings([0, 0], [0, 1], [0.5, -0.5], 0.1), ["a"], ["b", "c"])
-    assert mounted(problem, (0, 0, 0.25)).sightings.bearing.tolist() == [0.25, -0.75]
+    assert in_sensor_frame(problem, (0, 0, 0.25)).sightings.bearing.tolist() == [0.25, -0.75]
     with pytest.raises(InvalidInputError, match="^sensor: expected ranges with all 2 bearings, got 0: without one"):
-        mounted(problem, (1, 0))
+        in_sensor_frame(problem, (1, 0))
 
 
 @pytest.mark.parametrize(
     ("sensor", "message"),
     [
-        ((1,), "sensor: expected x, y and, if it is turned, theta, got 1 numbers"),
-        ((1, 2, 3, 4), "sensor: expected x, y and, if it is turned, theta, got 4 numbers"),
+        ((1,), "sensor: expected x, y and, if it is rotated, theta, got 1 numbers"),
+        ((1, 2, 3, 4), "sensor: expected x, y and, if it is rotated, theta, got 4 numbers"),
         ((1, np.nan), r"sensor\[1\]: expected a finite number, got nan"),
         ("ab", "sensor: expected real numbers, got an array of dtype"),
-        ((3, 4), "sensor: a landmark is where the sensor is"),
+        ((3, 4), "sensor: a landmark coincides with the sensor"),
     ],
 )
 def test_sensors_that_are_none(sensor, message):
     problem = parse(b"LANDMARK 0 0 3 4 1 0 1\n", "one.graph")
     with pytest.raises(InvalidInputError, match=f"^{message}"):
-        mounted(problem, sensor)
+        in_sensor_frame(problem, sensor)
 
 
 def test_half_known_poses_do_not_move():
@@ -332,13 +335,13 @@ def test_half_known_poses_do_not_move():
             problem.sightings, "0", "1", offsets=problem.offsets, pose_priors=PosePriors([0], [[1, 2, 0.5]], sigma)
         )
 
-    compass = mounted(known([math.inf, math.inf, 0.02]), (1, 0)).pose_priors
+    compass = in_sensor_frame(known([math.inf, math.inf, 0.02]), (1, 0)).pose_priors
     assert compass.sigma.tolist() == [[math.inf, math.inf, 0.02]]
     assert compass.pose[0, 2] == 0.5
     for sigma in ([0.1, 0.1, math.inf], [math.inf, 0.1, 0.1]):
-        with pytest.raises(InvalidInputError, match="^sensor: expected known poses of which all coordinates are known"):
-            mounted(known(sigma), (1, 0))
-        assert mounted(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
+        with pytest.raises(InvalidInputError, match="^sensor: expected priors on all coordinates of poses"):
+            in_sensor_frame(known(sigma), (1, 0))
+        assert in_sensor_frame(known(sigma), (0, 0, 0.5)).pose_priors.sigma.tolist() == [sigma]
 
 
 def test_views_come_in_the_order_of_the_file():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam.maps import compare
+from bearslam.data.maps import compare
 
 SCENE = bearslam.simulate("mixed", 4, 9, noise=0.0, seed=1)
 

@@ -12,7 +12,8 @@ import pytest
 import bearslam
 from bearslam import InvalidInputError
 from bearslam.cli import main
-from bearslam.mrclam import OdometryNoise, read
+from bearslam.data.maps import compare
+from bearslam.io.mrclam import OdometryNoise, read
 
 T0 = 1248446190.0
 DELAY = 0.25
@@ -149,7 +150,7 @@ def test_noise_grows_as_documented(folder):
 def test_five_lines_solve_it(folder):
     problem = bearslam.load(folder)
     result = bearslam.solve(problem)
-    errors = bearslam.maps.compare(result, bearslam.load_truth(folder, problem))
+    errors = compare(result, bearslam.load_truth(folder, problem))
     assert errors.landmark < 1e-3
     assert errors.position < 1e-3
 
@@ -277,8 +278,8 @@ MEASUREMENT = "Robot1_Measurement.dat"
         (MEASUREMENT, 7, "1248446191.1 63 2.5 45.0", "7: expected radians within one turn as bearing, got 45"),
         (MEASUREMENT, 7, "1248446191.1 63 -2.5 0.1", "7: expected a range of at least 0, got -2.5"),
         (MEASUREMENT, 7, "1e300 63 2.5 0.1", "7: expected a time in seconds, got 1e"),
-        (MEASUREMENT, 40, "1248446191.1 63 2.5 0.1", "40: expected a time not before that of the line above"),
-        ("Robot1_Odometry.dat", 6, "1248446180.0 0.1 0.1", "6: expected a time not before"),
+        (MEASUREMENT, 40, "1248446191.1 63 2.5 0.1", "40: expected a time no earlier than that of the line above"),
+        ("Robot1_Odometry.dat", 6, "1248446180.0 0.1 0.1", "6: expected a time no earlier than"),
         ("Robot1_Odometry.dat", 6, "1248446193.2 1e5 0.1", "6: expected velocities, got 100000 and 0.1"),
         ("Barcodes.dat", 6, "2 5", "6: expected every barcode once, got 5 again"),
         ("Barcodes.dat", 6, "1 77", "6: expected every subject once, got 1 again"),
@@ -348,7 +349,7 @@ def test_command_line(folder, capsys):
     assert main(["solve", str(folder), "--robots", "2", "--start", "2", "--end", "9.5", "--every", "1.5", *truth]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("4 views, 6 landmarks, 24 sightings\n")
-    assert "errors, laid over the truth: 6 landmarks" in out
+    assert "errors after alignment with the truth: 6 landmarks" in out
     assert "note: 24 sightings left out of views less than 1.5 s after the one before" in err
     assert main(["solve", str(folder / "Barcodes.dat"), "--every", "1"]) == 1
     assert "every: is for folders" in capsys.readouterr().err
@@ -395,7 +396,7 @@ def test_set_7_motions_against_motion_capture():
 @pytest.mark.parametrize("window", range(3))
 def test_set_7_odometry_as_computed_independently(window):
     """At the times of the views of derived scenes, which are means of several images."""
-    from bearslam.mrclam import _motions
+    from bearslam.io.mrclam import _motions
 
     path = SHARED / "derived" / "MRCLAM_Dataset7_track_joint.npz"
     with np.load(path) as scenes:

@@ -10,9 +10,9 @@ from matplotlib.collections import EllipseCollection, LineCollection, PolyCollec
 from matplotlib.figure import Figure
 
 import bearslam
-from bearslam.chains import chains
-from bearslam.looks import ROBOTS
-from bearslam.plot import draw_to_file, save_figure
+from bearslam.plotting.map import draw_to_file, save_figure
+from bearslam.plotting.odometry_chains import odometry_chains
+from bearslam.plotting.style import ROBOTS
 
 SCENE = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
 
@@ -149,7 +149,9 @@ def test_a_picture_without_any_bounded_ellipse_says_nothing_of_them(result):
 def test_outliers_are_drawn_apart():
     bearings = SCENE.bearings.copy()
     bearings[1, 4] += 0.5
-    result = bearslam.refine(bearings, SCENE, sigma=0.01, loss="truncated", loss_scale=6.0)
+    result = bearslam.refine(
+        bearings, SCENE, sigma=0.01, loss="truncated", refinement=bearslam.RefineOptions(loss_scale=6.0)
+    )
     ax = result.plot(Figure().add_subplot())
     good, wrong = drawn(ax, LineCollection)
     assert len(good.get_segments()) == 35
@@ -215,24 +217,24 @@ def diamonds(ax):
 
 
 def test_views_in_a_row_are_a_chain():
-    of = chains(motions([[0, 1], [2, 1], [2, 3], [2, 3]]), 5)
+    of = odometry_chains(motions([[0, 1], [2, 1], [2, 3], [2, 3]]), 5)
     assert [robot.tolist() for robot in of.robots] == [[0, 1, 2, 3]]
     assert len(of.closures) == 0
 
 
 @pytest.mark.parametrize("pairs", [[[0, 2], [2, 4], [1, 3], [3, 5]], [[1, 3], [2, 0], [5, 3], [4, 2]]])
 def test_robots_may_take_turns(pairs):
-    assert [robot.tolist() for robot in chains(motions(pairs), 6).robots] == [[0, 2, 4], [1, 3, 5]]
+    assert [robot.tolist() for robot in odometry_chains(motions(pairs), 6).robots] == [[0, 2, 4], [1, 3, 5]]
 
 
 def test_motions_between_views_that_do_not_follow_are_closures():
-    of = chains(motions([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [2, 5], [3, 5]]), 8)
+    of = odometry_chains(motions([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [2, 5], [3, 5]]), 8)
     assert [robot.tolist() for robot in of.robots] == [[0, 1, 2, 3], [4, 5, 6]]
     assert of.closures.tolist() == [[0, 3], [2, 5], [3, 5]]
 
 
 def test_without_odometry_there_are_no_chains():
-    of = chains(None, 5)
+    of = odometry_chains(None, 5)
     assert of.robots == ()
     assert of.closures.shape == (0, 2)
 
@@ -396,7 +398,9 @@ def test_a_map_of_thousands_of_views_is_a_small_file(tmp_path):
     scene = bearslam.simulate("trajectory", 7000, 200, noise=0.003, seed=3, sight=0.6)
     assert len(scene.sightings) > 30_000
     odometry = scene.odometry(NOISE, seed=1)
-    result = bearslam.refine(scene.bearings, scene, sigma=0.003, odometry=odometry, max_iterations=2)
+    result = bearslam.refine(
+        scene.bearings, scene, sigma=0.003, odometry=odometry, refinement=bearslam.RefineOptions(max_iterations=2)
+    )
     random = np.random.default_rng(0)
     full = dataclasses.replace(
         result,

@@ -6,7 +6,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, PosePriors, Sightings
-from bearslam.align import wrap
+from bearslam.data.align import wrap
 
 NOISE = 0.009
 SIGMA = (0.02, 0.02, 0.01)
@@ -131,9 +131,13 @@ def test_a_loss_bears_a_wrong_bearing(loss):
         "truncated": np.minimum(s, scale**2),
     }[loss]
     assert result.cost == pytest.approx(rho.sum() / 2, rel=1e-9)
-    given = bearslam.refine(bearings, scene, sigma=0.002, loss=loss, loss_scale=scale)
+    given = bearslam.refine(
+        bearings, scene, sigma=0.002, loss=loss, refinement=bearslam.RefineOptions(loss_scale=scale)
+    )
     assert given.cost == result.cost
-    wider = bearslam.refine(bearings, scene, sigma=0.002, loss=loss, loss_scale=5 * scale)
+    wider = bearslam.refine(
+        bearings, scene, sigma=0.002, loss=loss, refinement=bearslam.RefineOptions(loss_scale=5 * scale)
+    )
     assert wider.cost > result.cost
 
 
@@ -142,7 +146,9 @@ def test_outliers_of_a_truncated_loss_are_named():
     bearings = scene.bearings.copy()
     bearings[2, 3] += 0.2
     bearings[5, 5] = np.nan
-    result = bearslam.refine(bearings, scene, sigma=0.002, loss="truncated", loss_scale=4.0)
+    result = bearslam.refine(
+        bearings, scene, sigma=0.002, loss="truncated", refinement=bearslam.RefineOptions(loss_scale=4.0)
+    )
     wrong = np.isfinite(bearings) & ~result.inliers
     assert np.argwhere(wrong).tolist() == [[2, 3]]
     assert result.inliers.dtype == bool
@@ -178,7 +184,7 @@ ONE = ([0], [1], [[1.0, 0.0, 0.0]])
 SCENE = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1)
 BAD = [
     (lambda: Odometry([0, 1], [1], np.zeros((2, 3)), SIGMA), "end: expected as many entries as start has, 2, got 1"),
-    (lambda: Odometry([0], [0], [[1, 0, 0]], SIGMA), r"end\[0\]: expected another view than that of start, got 0"),
+    (lambda: Odometry([0], [0], [[1, 0, 0]], SIGMA), r"end\[0\]: expected a view other than that of start, got 0"),
     (lambda: Odometry([0], [-1], [[1, 0, 0]], SIGMA), r"end\[0\]: expected an index from 0"),
     (lambda: Odometry([0], [1], [[1, 0]], SIGMA), r"delta: expected an array of shape \(1, 3\), got \(1, 2\)"),
     (lambda: Odometry([0], [1], [[1, 0, np.nan]], SIGMA), r"delta\[0, 2\]: expected a finite number, got nan"),

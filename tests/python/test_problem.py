@@ -8,13 +8,13 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.problem import tabulate
+from bearslam.data.normalize import normalize
 
 NAN = np.nan
 
 
 def test_a_table_with_gaps_and_parallel_arrays_are_the_same_problem():
-    table = tabulate([[0.1, NAN, 0.3], [NAN, 0.5, 0.6]], sigma=0.02)
+    table = normalize([[0.1, NAN, 0.3], [NAN, 0.5, 0.6]], sigma=0.02)
     seen = table.sightings
     assert (table.views, table.landmarks) == (2, 3)
     assert seen.view.tolist() == [0, 0, 1, 1]
@@ -25,14 +25,14 @@ def test_a_table_with_gaps_and_parallel_arrays_are_the_same_problem():
 
 
 def test_views_and_landmarks_that_nobody_saw_count_in_a_table():
-    table = tabulate([[0.1, NAN], [NAN, NAN]])
+    table = normalize([[0.1, NAN], [NAN, NAN]])
     assert (table.views, table.landmarks) == (2, 2)
 
 
 def test_standard_deviations_of_a_table_may_have_gaps_where_the_table_has():
-    assert tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, NAN, 3.0]]).sigma.tolist() == [1.0, 3.0]
+    assert normalize([[0.1, NAN, 0.3]], sigma=[[1.0, NAN, 3.0]]).sigma.tolist() == [1.0, 3.0]
     with pytest.raises(InvalidInputError, match=r"sigma\[1\]: expected a number above 0"):
-        tabulate([[0.1, NAN, 0.3]], sigma=[[1.0, 2.0, NAN]])
+        normalize([[0.1, NAN, 0.3]], sigma=[[1.0, 2.0, NAN]])
 
 
 def test_sightings_keep_what_they_were_given():
@@ -50,7 +50,7 @@ def test_sightings_keep_what_they_were_given():
 
 def test_names_stay_with_the_problem():
     problem = Problem(Sightings([0, 1], [0, 0], [0.1, 0.2]), ["left", "right"], ["door"])
-    table = tabulate(problem, 0.5)
+    table = normalize(problem, 0.5)
     assert table.view_ids == ("left", "right")
     assert table.landmark_ids == ("door",)
     assert table.sigma.tolist() == [0.5, 0.5]
@@ -98,13 +98,13 @@ def test_bad_sightings(view, landmark, bearing, sigma, message):
         ([[0.1]], NAN, "sigma: expected a finite number, got nan"),
         ([[0.1]], "wide", "sigma: expected real numbers"),
         ([[0.1]], [1.0], r"sigma: expected an array of shape \(1, 1\), got \(1,\)"),
-        (Sightings([0], [0], [0.1], 0.1), 0.2, "sigma: the sightings come with standard deviations of their own"),
+        (Sightings([0], [0], [0.1], 0.1), 0.2, "sigma: the sightings have their own standard deviations"),
         (object(), 1.0, r"bearings: expected real numbers, got an array of dtype object"),
     ],
 )
 def test_bad_problems(problem, sigma, message):
     with pytest.raises(InvalidInputError, match=f"^{message}"):
-        tabulate(problem, sigma)
+        normalize(problem, sigma)
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_offsets():
     moved = [bearslam.Offsets([0], [[3 + dx, 4 + dy]], correlated).bearing[0] for dx, dy in ((step, 0), (0, step))]
     slope = (np.array(moved) - offsets.bearing[0]) / step
     assert offsets.bearing_sigma[0] == pytest.approx(np.sqrt(slope @ correlated[0] @ slope), rel=1e-5)
-    with pytest.raises(InvalidInputError, match=r"position\[1\]: expected a landmark apart"):
+    with pytest.raises(InvalidInputError, match=r"position\[1\]: expected a landmark away"):
         bearslam.Offsets([0, 1], [[1, 0], [0, 0]], [1, 1])
     with pytest.raises(InvalidInputError, match="sighting: expected every sighting at most once"):
         bearslam.Offsets([0, 0], [[1, 0], [1, 0]], [1, 1])
@@ -201,5 +201,5 @@ def test_offsets():
 
 def test_refine_without_a_start():
     _, parts = everything()
-    with pytest.raises(InvalidInputError, match="start: expected a map to start at"):
+    with pytest.raises(InvalidInputError, match="start: expected an initial map"):
         bearslam.refine(parts["sightings"])

@@ -102,5 +102,6 @@ def test_along_odometry_most_bearings_must_agree():
     odometry = scene.odometry([0.02, 0.02, 0.01], seed=1)
     random = np.random.default_rng(0)
     nonsense = np.where(np.isnan(scene.bearings), np.nan, random.uniform(-np.pi, np.pi, scene.bearings.shape))
-    with pytest.raises(bearslam.DegenerateError, match="no consensus"):
+    with pytest.raises(bearslam.DegenerateError, match="no consensus") as caught:
         bearslam.solve(nonsense, sigma=noise, odometry=odometry, robust=True)
+    assert caught.value.kind == "no_consensus"

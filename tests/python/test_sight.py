@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam.solve import Method
+from bearslam.data.options import Method
 
 
 @pytest.mark.parametrize("method", ["search", "incremental", "global"])

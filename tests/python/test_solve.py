@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import bearslam
-from bearslam.maps import Map, compare, register
+from bearslam.data.maps import Map, compare, register
 
 seeds = st.integers(0, 2**32)
 

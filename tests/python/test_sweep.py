@@ -346,7 +346,7 @@ WRONG = [
     ({"noise": [0.0, -0.0]}, "noise: expected every value once, got 0.0 again"),
     ({"noise": np.linspace(0, 1, 1001), "views": range(3, 1003)}, "noise: expected at most 1000000 kinds of scenes"),
     ({"trials": 0}, "trials: expected an integer from 1"),
-    ({"trials": 10**12, "chunk": 1}, "chunk: expected so many trials that there are at most 10000000 chunks, got 1"),
+    ({"trials": 10**12, "chunk": 1}, "chunk: expected a size that makes at most 10000000 chunks, got 1"),
     ({"starts": []}, "starts: expected at least one value, got none"),
     ({"starts": ["solve", "magic"]}, r"starts\[1\]: expected 'random' or 'projective' or 'calibrated' or 'solve'"),
     ({"starts": ["solve", "solve"]}, "starts: expected every value once, got 'solve' again"),

@@ -41,9 +41,9 @@ def part():
     return bearslam.sweep(**arguments, progress=progress, threads=1)
 
 
-@pytest.fixture(params=[".npz", ".csv"])
-def path(request, tmp_path):
-    return tmp_path / f"sweep{request.param}"
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "sweep.npz"
 
 
 def test_files_hold_everything(result, part, path):
@@ -65,12 +65,23 @@ def test_files_hold_everything(result, part, path):
 def test_the_table_can_be_read_by_others(result, tmp_path):
     path = tmp_path / "sweep.csv"
     result.save(path)
+    first = path.read_bytes()
+    result.save(path)
+    assert path.read_bytes() == first
+    assert [line.split(":")[0] for line in path.read_text().splitlines()[:8]] == [
+        "# bearslam sweep 1",
+        *(f"# {name}" for name in ("layouts", "noise", "views", "landmarks", "starts", "trials", "seeds")),
+    ]
     rows = list(csv.DictReader(line for line in path.read_text().splitlines() if not line.startswith("#")))
     assert len(rows) == 2 * 3 * 2 * 2 * 3
     row = rows[-1]
     place = [row[name] for name in ("layout", "noise", "noise_deg", "views", "landmarks", "start")]
     assert place == ["trajectory", repr(ARGUMENTS["noise"][2].item()), "0.33333333333333", "6", "4", "solve"]
     assert float(row["failure_rate"]) == result.failure_rate["solve"][1, 2, 1, 1]
+    for quantity, name in enumerate(("position", "heading", "position_ratio", "heading_ratio")):
+        bins = result.tally.bins()
+        mine = bins[(bins[:, 0] == 71) & (bins[:, 1] == quantity), 2:]
+        assert row[f"{name}_bins"] == " ".join(f"{place}:{size}" for place, size in mine.tolist())
     assert float(row["heading_p90"]) == result.heading_p90["solve"][1, 2, 1, 1]
     assert (float(row["failure_low"]), float(row["failure_high"])) == tuple(
         result.failure_interval()["solve"][1, 2, 1, 1]
@@ -80,94 +91,15 @@ def test_the_table_can_be_read_by_others(result, tmp_path):
 
 
 def test_other_endings_are_refused(result, tmp_path):
-    for call in (result.save, SweepResult.load):
-        with pytest.raises(InvalidInputError, match=r"path: expected a name that ends in .npz or .csv, got"):
-            call(tmp_path / "sweep.json")
+    with pytest.raises(InvalidInputError, match=r"path: expected a name that ends in .npz or .csv, got"):
+        result.save(tmp_path / "sweep.json")
+    for name in ("sweep.json", "sweep.csv"):  # tables are written, not read
+        with pytest.raises(InvalidInputError, match=r"path: expected a name that ends in .npz, got"):
+            SweepResult.load(tmp_path / name)
     with pytest.raises(FileNotFoundError):
-        SweepResult.load(tmp_path / "none.csv")
+        SweepResult.load(tmp_path / "none.npz")
     with pytest.raises(FileNotFoundError):
         result.save(tmp_path / "none" / "sweep.csv")
-
-
-def edited(old, new):
-    return lambda text: text.replace(old, new, 1)
-
-
-def row(column, value, line=9):
-    """Another value in one place."""
-
-    def edit(text):
-        lines = text.split("\n")
-        cells = lines[line].split(",")
-        cells[lines[8].split(",").index(column)] = value
-        lines[line] = ",".join(cells)
-        return "\n".join(lines)
-
-    return edit
-
-
-@pytest.mark.parametrize(
-    ("edit", "message"),
-    [
-        (lambda text: "", "sweep.csv:1: expected '# bearslam sweep 1', got ''"),
-        (lambda text: "view,landmark,bearing\n", "sweep.csv:1: expected '# bearslam sweep 1', got 'view,"),
-        (edited("sweep 1", "sweep 2"), "sweep.csv:1: expected '# bearslam sweep 1', got '# bearslam sweep 2'"),
-        (edited("# noise:", "# noises:"), "sweep.csv:3: expected one of layout, layouts, noise, .* got '# noises:"),
-        (edited("# views: 3 6\n", ""), "sweep.csv:8: expected a comment '# views: ...' above, got none"),
-        (edited("# layouts: mixed trajectory\n", ""), "sweep.csv:8: .* layout: expected at least one value, got none"),
-        (edited("# layouts:", "# layout:"), "sweep.csv:9: expected one value as layout and trials"),
-        (edited("# views: 3", "# views: three"), "sweep.csv:9: expected a whole number as views, got 'three'"),
-        (
-            edited("# views: 3", "# views: 2"),
-            r"sweep.csv:9: in the comments above: views\[0\]: expected an integer from",
-        ),
-        (edited("# noise: 0", "# noise: x"), "sweep.csv:9: expected a number as noise, got"),
-        (
-            edited("# trials: 5", "# trials: 0"),
-            "sweep.csv:9: in the comments above: trials: expected an integer from 1",
-        ),
-        (edited("# seeds: ", "# seeds: 7 7 "), "sweep.csv:9: expected seeds in the comments above, every one once"),
-        (edited("# seeds: ", "# seeds: 9"), "sweep.csv:9: expected a whole number as seeds"),
-        (edited("trials,failures", "trials,failed"), "sweep.csv:9: expected a column failures, got 'layout,noise"),
-        (lambda text: text[: text.index("mixed,")], "sweep.csv:10: expected 27 values, got the end of the file"),
-        (lambda text: text[: text.rindex("trajectory,")], "sweep.csv:81: expected 27 values, got the end"),
-        (lambda text: text[:-1], "sweep.csv:81: expected a whole line, got one without an end"),
-        (lambda text: text[: text.rindex(",", 0, -9)] + "\n", "sweep.csv:81: expected 27 values, got 2"),
-        (lambda text: text + "more\n", "sweep.csv:82: expected the end of the file, got 'more'"),
-        (edited("mixed,0.0017", "enclosed,0.0017"), "sweep.csv:10: expected layout mixed, got 'enclosed'"),
-        (row("noise", "0.1"), "sweep.csv:10: expected noise 0.0017453292519943296, got '0.1'"),
-        (row("noise", "much"), "sweep.csv:10: expected a number as noise, got 'much'"),
-        (row("start", "solve", 10), "sweep.csv:11: expected start projective, got 'solve'"),
-        (row("trials", "6"), "sweep.csv:10: expected as many trials from each start, 5 at most, got 6"),
-        (row("trials", "4", 10), "sweep.csv:11: expected as many trials from each start, 5 at most, got 4"),
-        (row("failures", "6"), "sweep.csv:10: more failures than trials"),
-        (row("without_map", "5", 11), "sweep.csv:12: more trials without a map than failures"),
-        (row("iterations", "-1"), "sweep.csv:10: expected a whole number as iterations, got '-1'"),
-        (row("nanoseconds", "9" * 5000), "sweep.csv:10: expected a whole number as nanoseconds, got '999"),
-        (row("heading_bins", "1:5 2:1"), "sweep.csv:10: more values of heading than maps"),
-        (row("heading_bins", "2:1 1:1"), "sweep.csv:10: expected ascending bins with something in them, got '1:1'"),
-        (row("heading_bins", "2:0"), "sweep.csv:10: expected ascending bins with something in them, got '2:0'"),
-        (row("heading_bins", "5000:1"), "sweep.csv:10: expected ascending bins"),
-        (row("heading_bins", "2"), "sweep.csv:10: expected bin:size as heading_bins, got '2'"),
-    ],
-)
-def test_a_bad_table_is_refused_with_its_line(result, tmp_path, edit, message):
-    path = tmp_path / "sweep.csv"
-    result.save(path)
-    text = path.read_text()
-    changed = edit(text)
-    assert changed != text
-    path.write_text(changed)
-    with pytest.raises(InvalidInputError, match=message):
-        SweepResult.load(path)
-
-
-def test_bytes_that_are_no_text_are_refused_with_their_line(result, tmp_path):
-    path = tmp_path / "sweep.csv"
-    result.save(path)
-    path.write_bytes(path.read_bytes().replace(b"mixed,", b"m\xffxed,", 1))
-    with pytest.raises(InvalidInputError, match="sweep.csv:10: expected text in UTF-8, got byte 0xff"):
-        SweepResult.load(path)
 
 
 def replaced(**entries):
@@ -245,8 +177,7 @@ def test_no_damage_gets_another_error_or_another_result(result, path):
             assert str(error).startswith(f"{path}")
             refused += 1
         else:
-            # A digit that has changed into another cannot be seen in text.
-            assert path.suffix == ".csv" or again.identical(result, times=True)
+            assert again.identical(result, times=True)
     assert refused > 75
 
 

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgba
 import bearslam
 from bearslam import InvalidInputError
 from bearslam.montecarlo.plot import STROKES, draw_errors, draw_failures
-from bearslam.plot import save_figure
+from bearslam.plotting.map import save_figure
 
 
 @pytest.fixture(scope="module")

@@ -94,7 +94,7 @@ def test_complex_epipoles_are_an_error_with_the_discriminant():
     tensor = [[[1, 0], [0, -1]], [[0, -1], [-1, 0]]]
     with pytest.raises(bearslam.DegenerateError, match="discriminant") as caught:
         bearslam.epipoles(tensor)
-    assert "discriminant" in caught.value.quantity
+    assert caught.value.kind == "complex_epipoles"
     assert caught.value.value < caught.value.bound == 0.0
 
 
@@ -132,7 +132,7 @@ def test_landmarks_along_a_wall_are_degenerate():
     wall = np.arctan2(2.0, np.linspace(-3, 3, 9) - np.array([[0.0], [1.0], [-0.5]]))
     with pytest.raises(bearslam.DegenerateError) as caught:
         bearslam.three_view(wall)
-    assert caught.value.quantity
+    assert caught.value.kind == "three_view_system"
     assert np.isfinite([caught.value.value, caught.value.bound]).all()
 
 

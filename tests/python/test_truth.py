@@ -11,8 +11,8 @@ import pytest
 import bearslam
 from bearslam import InvalidInputError, load_truth
 from bearslam.cli import main
-from bearslam.files import save_truth
-from bearslam.maps import compare
+from bearslam.data.maps import compare
+from bearslam.io.files import save_truth
 
 NOISE = np.radians(0.5)
 HEADER = "# a\n"
@@ -170,7 +170,7 @@ def test_a_single_true_pose(folder):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
-        ("Robot3_Groundtruth.dat", "10.0 1 2 3\n9.0 1 2 3\n", "dat:2: expected a time not before"),
+        ("Robot3_Groundtruth.dat", "10.0 1 2 3\n9.0 1 2 3\n", "dat:2: expected a time no earlier than"),
         ("Robot3_Groundtruth.dat", "10.0 1 2\n", "dat:1: expected 4 numbers (time, x, y, orientation), got '10.0 1 2'"),
         ("Landmark_Groundtruth.dat", "7 1 2 0.1 0.1\n7 1 2 0.1 0.1\n", "dat:2: expected every subject once, got 7"),
         ("Landmark_Groundtruth.dat", "7.5 1 2 0.1 0.1\n", "dat:1: expected a whole number as subject, got 7.5"),
@@ -209,7 +209,7 @@ def test_command_line_with_too_little_truth(tmp_path, monkeypatch, capsys):
     assert main(["simulate", "enclosed", "6", "9", "--seed", "2", "-o", "scene.csv"]) == 0
     (tmp_path / "truth.csv").write_text("kind,id,x,y,theta\nlandmark,0,1,2,\n")
     assert main(["solve", "scene.csv", "--truth", "truth.csv"]) == 1
-    assert "expected places of two views or landmarks of the map, or more, got 1" in capsys.readouterr().err
+    assert "expected the positions of at least two views or landmarks of the map, got 1" in capsys.readouterr().err
 
 
 def test_what_the_truth_does_not_have_is_not_named(tmp_path, monkeypatch, capsys):
@@ -218,7 +218,7 @@ def test_what_the_truth_does_not_have_is_not_named(tmp_path, monkeypatch, capsys
     (tmp_path / "truth.csv").write_text("kind,id,x,y,theta\nview,0,1,2,\nview,1,2,2,\n")
     assert main(["solve", "scene.csv", "--truth", "truth.csv"]) == 0
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("errors"))
-    assert re.fullmatch(r"errors, laid over the truth: 2 positions \S+ rms", line)
+    assert re.fullmatch(r"errors after alignment with the truth: 2 positions \S+ rms", line)
 
 
 def test_vertices_alone_and_compressed(scene, tmp_path):

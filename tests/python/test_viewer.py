@@ -191,7 +191,7 @@ def test_the_command_line_opens_the_viewer(tmp_path, monkeypatch):
 
 def test_without_rerun_the_viewer_is_refused_before_the_work(result, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    monkeypatch.delitem(sys.modules, "bearslam.viewer", raising=False)
+    monkeypatch.delitem(sys.modules, "bearslam.plotting.viewer", raising=False)
     with pytest.raises(ImportError, match="bearslam\\[viewer\\]"):
         result.view(tmp_path / "map.rrd")
     bearslam.save(SCENE.bearings, tmp_path / "scene.csv")

@@ -264,7 +264,7 @@ fn a_sigma_that_tells_nothing_is_an_error() {
     let scene = scene(Layout::Mixed, 5, 9, NOISE_DEG, 1);
     let coarse = Problem::dense(5, 9, &scene.bearings, 1.0).unwrap();
     let error = solve(&coarse, &options(), None).unwrap_err();
-    assert!(matches!(error, Error::TooCoarse { index: 0, value, .. } if value == 1.0));
+    assert!(matches!(error, Error::SigmaTooLarge { index: 0, value, .. } if value == 1.0));
     assert!(format!("{error}").contains("standard deviation"));
 }
 

@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, problem, scene};
 use bearslam::{
-    Cell, Chunk, Error, Layout, Outcome, Quantity, RefineOptions, Search, SolveOptions, Start,
-    Strategy, Tally, Trial, refine, simulate, solve, sweep,
+    Cell, Chunk, Error, Layout, Quantity, RefineOptions, Search, SolveOptions, Start, Strategy,
+    Tally, Trial, TrialOutcome, refine, simulate, solve, sweep,
 };
 
 fn cell(layout: Layout, views: usize, landmarks: usize, noise_deg: f64) -> Cell {
@@ -111,7 +111,7 @@ fn a_start_without_a_map_has_failed() {
     // The paper's tensor needs seven landmarks.
     let cell = cell(Layout::Mixed, 4, 6, 0.5);
     let trial = Trial::run(&cell, &[Start::Projective], 0, 0, &mut |_, _, _| true).unwrap();
-    let Outcome { failed, errors, .. } = &trial.outcomes[0];
+    let TrialOutcome { failed, errors, .. } = &trial.outcomes[0];
     assert!(*failed && errors.is_none());
     let mut tally = Tally::default();
     tally.add(&trial.outcomes[0], trial.bound.as_ref());

@@ -70,6 +70,6 @@ fn limited_sight_is_solved_modulo_pi() {
             ..SolveOptions::default()
         };
         let error = solve(&problem, &options, None).unwrap_err();
-        assert!(matches!(error, Error::NeedsRays { .. }));
+        assert!(matches!(error, Error::NeedsOriented { .. }));
     }
 }

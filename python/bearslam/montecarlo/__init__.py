@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What `bearslam.sweep` is made of.
+"""The parts of `bearslam.sweep`.
 
-From the bottom up: `grid` (cells and chunks), `tally` (counts that add up in any order), `statistics` (what they tell),
-`csv_file`, `npz_file` and `files`, `table` and `plot`, `result` (all of it in one object); `executors`, `ledger` and
-`checkpoint` (chunks on their way).
+From the bottom up: `grid` (cells and chunks), `tally` (counts that add up in any order), `statistics` of them, `result`
+(both with names on every axis), `table`, `plot` and `files`, `sweep_result` (all of it in one object); `executors`,
+`ledger` and `checkpoint` for chunks while they are computed.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A file that remembers the finished chunks of a sweep, whatever happens to the process."""
+"""A file that records the finished chunks of a sweep, so that nothing is lost if the process dies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 
 from bearslam._core import __version__
-from bearslam.coerce import IntArray, quote
+from bearslam.data.checks import IntArray, quote
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Chunk, Grid
 from bearslam.montecarlo.tally import COUNTS, HIGHEST, LOWEST, QUANTITIES
@@ -28,7 +28,7 @@ APPLICATION = 0x62656172
 """Mark of the file: "bear"."""
 FORMAT = 1
 PAUSE = 0.5
-"""Between two commits [s]: what a process that is killed loses at most."""
+"""Time between two commits [s]: the most that is lost if the process is killed."""
 SYSTEM = {
     "SQLITE_FULL": errno.ENOSPC,
     "SQLITE_READONLY": errno.EACCES,
@@ -36,7 +36,7 @@ SYSTEM = {
     "SQLITE_CANTOPEN": errno.EACCES,
     "SQLITE_IOERR": errno.EIO,
 }
-"""Errors that are not of the file, but of what is below it."""
+"""Errors of the file system rather than of the file."""
 TABLES = """
 CREATE TABLE design (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE chunk (
@@ -47,21 +47,21 @@ CREATE TABLE chunk (
 
 
 class Checkpoint:
-    """Finished chunks in an SQLite file, written now and then by a thread of its own, and when the block ends.
+    """Finished chunks in an SQLite file, committed by a thread of its own and at the end of the block.
 
     Parameters
     ----------
     path : str or path
-        The file; it is made where there is none.
+        The file; it is created if it does not exist.
     grid : Grid
-        What is swept over.
+        The grid of the sweep.
     seed : int
-        Of the sweep.
+        The seed of the sweep.
 
     Raises
     ------
     InvalidInputError
-        If the file belongs to another sweep, is in use, damaged, or something else.
+        If the file belongs to another sweep, is in use, is damaged, or is not a checkpoint.
     OSError
         If it cannot be written.
     """
@@ -81,7 +81,7 @@ class Checkpoint:
         if Path(self._path).is_dir():
             raise InvalidInputError(f"checkpoint: expected a file, got the folder {self._path!r}")
         try:
-            # Statements are committed one by one; what belongs together says so.
+            # Autocommit: transactions are begun and committed explicitly.
             self._file = sqlite3.connect(self._path, timeout=0.5, isolation_level=None, check_same_thread=False)
         except sqlite3.Error as error:
             raise self._error(error) from None
@@ -106,7 +106,7 @@ class Checkpoint:
             self._file.close()
 
     def chunks(self) -> Iterator[tuple[Chunk, IntArray, IntArray]]:
-        """What is remembered: chunks, their counts and their bins."""
+        """Recorded chunks with their counts and bins."""
         end_before: tuple[int, int] = (-1, 0)
         try:
             for cell, first, end, blob in self._file.execute(
@@ -122,7 +122,7 @@ class Checkpoint:
             raise self._damaged(error) from None
 
     def add(self, chunk: Chunk, counts: IntArray, bins: IntArray) -> None:
-        """Remember a chunk: soon if not at once."""
+        """Record a chunk, at the next commit."""
         if self._failure is not None:
             raise self._failure
         self._waiting[chunk.cell, chunk.first] = (*chunk, _packed(counts, bins))
@@ -158,7 +158,7 @@ class Checkpoint:
     def _open(self) -> None:
         design = self._design()
         try:
-            # Nobody else reads or writes the file from the first look at it to the end of the sweep.
+            # The file is locked until the sweep ends.
             self._file.execute("PRAGMA locking_mode = EXCLUSIVE")
             self._file.execute("BEGIN EXCLUSIVE")
             ((tables,),) = self._file.execute("SELECT count(*) FROM sqlite_schema")
@@ -181,7 +181,7 @@ class Checkpoint:
             found = dict(self._file.execute("SELECT name, value FROM design"))
         except sqlite3.Error as error:
             raise self._error(error) from None
-        except UnicodeDecodeError as error:  # in what SQLite complains about
+        except UnicodeDecodeError as error:  # in a message of SQLite
             raise self._damaged(error) from None
         for name, wanted in design.items():
             if found.get(name) != wanted:
@@ -191,7 +191,7 @@ class Checkpoint:
                 )
 
     def _design(self) -> dict[str, str]:
-        """What has to be the same for chunks to belong together."""
+        """What must agree for chunks to belong to the same sweep."""
         grid = self._grid
         return {
             "bearslam": __version__,
@@ -213,11 +213,11 @@ class Checkpoint:
             raise self._damaged(error) from None
         limits = np.array([[0, starts - 1], [0, len(QUANTITIES) - 1], [LOWEST, HIGHEST], [1, trials]])
         if (counts[:, 0] != trials).any() or (bins < limits[:, 0]).any() or (bins > limits[:, 1]).any():
-            raise self._damaged("a chunk with strange counts")
+            raise self._damaged("a chunk with implausible counts")
         return counts, bins
 
     def _error(self, error: sqlite3.Error) -> OSError | InvalidInputError:
-        """What an error of SQLite means."""
+        """An error of SQLite as one of ours."""
         name = getattr(error, "sqlite_errorname", "")
         if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
             return InvalidInputError(f"checkpoint: {self._path} is in use by another sweep")
@@ -236,6 +236,6 @@ class Checkpoint:
 
 
 def _packed(counts: IntArray, bins: IntArray) -> bytes:
-    """Counts, and differences from bin to bin, which are small."""
+    """Counts, and the bins as differences, which compress well."""
     differences = np.diff(bins, axis=0, prepend=0).T
     return zlib.compress(np.concatenate([counts.ravel(), differences.ravel()]).astype("<i8").tobytes())

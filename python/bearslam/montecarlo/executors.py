@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Chunks of a sweep, run in this process or by an executor."""
+"""Running the chunks of a sweep, in this process or on an executor."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from typing import TypeAlias
 from uuid import uuid4
 
 from bearslam import _core
-from bearslam.coerce import IntArray
+from bearslam.data.checks import IntArray
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import RawChunk
 
 __all__ = ["Done", "HaltedError", "run_chunk", "run_here", "run_on"]
 
 Done: TypeAlias = Callable[[int, IntArray, IntArray], None]
-"""Called with the index of a chunk, its counts and its bins; a second time for the same chunk does no harm."""
+"""Called with the index of a chunk, its counts and its bins; calling it twice for the same chunk does no harm."""
 Outcome: TypeAlias = tuple[IntArray, IntArray]
 
 WINDOW = 2048
-"""Chunks that an executor is given at a time: more than it has workers, and no more than can be called back quickly."""
+"""Chunks submitted at a time: more than an executor has workers, and few enough to be cancelled quickly."""
 RETRIES = 3
-"""Times that a chunk is given to an executor again when it has failed: workers die."""
+"""Times that a failed chunk is submitted again: workers die."""
 PATIENCE = 0.3
-"""Time for calling chunks back before whoever has interrupted the sweep gets its result [s]."""
-LOOK = 0.1
-"""Between two looks for an interruption, where waiting for results cannot be interrupted itself [s]."""
+"""Time spent cancelling chunks before an interrupted sweep returns [s]."""
+POLL_INTERVAL = 0.1
+"""Time between two checks for an interruption, since waiting for results cannot be interrupted [s]."""
 
 
 class HaltedError(Exception):
-    """An executor runs no more chunks."""
+    """An executor accepts no more chunks."""
 
 
 def run_here(chunks: Sequence[RawChunk], starts: Sequence[str], seed: int, threads: int, done: Done) -> None:
-    """Run all chunks in this process over so many threads, 0 for all cores."""
+    """Run all chunks in this process, on a number of threads, 0 for one per core."""
     _core.sweep(chunks, starts, seed, threads, done)
 
 
 def run_chunk(chunk: RawChunk, starts: Sequence[str], seed: int, label: object = None) -> Outcome:
     """Run one chunk on one core: the task of an executor.
 
-    The label says that it is another task to schedulers that know tasks by their arguments.
+    The label distinguishes tasks for schedulers that identify them by their arguments.
     """
     outcomes: list[Outcome] = []
     _core.sweep([chunk], starts, seed, 1, lambda index, counts, bins: outcomes.append((counts, bins)))
@@ -60,8 +60,8 @@ def run_on(executor: Executor, chunks: Sequence[RawChunk], starts: Sequence[str]
     Raises
     ------
     HaltedError
-        If the executor takes no more tasks, or a chunk has failed too often. What it had finished is handed over
-        before, as it is before a `KeyboardInterrupt` goes on its way.
+        If the executor accepts no more tasks, or a chunk has failed too often. Finished chunks are handed over first,
+        as they are before a `KeyboardInterrupt` is raised.
     """
     label = uuid4().hex
     todo = deque(range(len(chunks)))
@@ -77,7 +77,7 @@ def run_on(executor: Executor, chunks: Sequence[RawChunk], starts: Sequence[str]
                 todo.popleft()
                 future.add_done_callback(ready.put)
             try:
-                future = ready.get(timeout=LOOK)
+                future = ready.get(timeout=POLL_INTERVAL)
             except Empty:
                 continue
             index = running[future]
@@ -111,10 +111,10 @@ def _submit(
 
 
 def _cancel(futures: Iterator[Future[Outcome]], patience: float = PATIENCE) -> None:
-    """Cancel what has not begun; where that takes long, as over a network, the rest of it in the background."""
+    """Cancel what has not begun; if that takes long, as over a network, the rest in the background."""
     end = time.monotonic() + patience
     for future in futures:
-        with suppress(Exception):  # whatever it is, nobody waits for this future any more
+        with suppress(Exception):  # nobody waits for this future any more
             future.cancel()
         if time.monotonic() > end:
             threading.Thread(target=_cancel, args=(futures, math.inf), name="bearslam-cancel", daemon=True).start()
@@ -122,16 +122,16 @@ def _cancel(futures: Iterator[Future[Outcome]], patience: float = PATIENCE) -> N
 
 
 def _failure(future: Future[Outcome]) -> BaseException | None:
-    """Why a chunk has failed, if it has and may be tried again."""
+    """Why a chunk has failed; None if it has not."""
     try:
         error = future.exception()
-    except Exception as cancelled:  # noqa: BLE001 - a future that somebody else has cancelled, of whatever library
+    except Exception as cancelled:  # noqa: BLE001 - a future cancelled elsewhere, of any library
         return cancelled
     return error
 
 
 def _give_up(error: BaseException, failures: int, chunk: RawChunk) -> None:
-    """Raise an error where it makes no sense to go on."""
+    """Raise an error if retrying is pointless."""
     if isinstance(error, BrokenExecutor):
         raise HaltedError(f"the executor is broken: {_told(error)}") from error
     if failures > RETRIES:

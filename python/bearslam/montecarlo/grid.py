@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What a sweep goes over: kinds of scenes and starts, cut into chunks of work."""
+"""The grid of a sweep: kinds of scenes and starts, cut into chunks of work."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, cast
 
 from numpy.typing import ArrayLike
 
-from bearslam.coerce import choice, quote, real, whole
+from bearslam.data.checks import choice, quote, real, whole
 from bearslam.errors import InvalidInputError
-from bearslam.simulate import LAYOUTS, PLACES, Layout
+from bearslam.verbs.simulate import LAYOUTS, PLACES, Layout
 
 __all__ = ["AXES", "STARTS", "Chunk", "Grid", "RawChunk", "Start", "chunk_size", "cut"]
 
 Start: TypeAlias = Literal["random", "projective", "calibrated", "solve"]
 STARTS = ("random", "projective", "calibrated", "solve")
 AXES = ("layout", "noise", "views", "landmarks")
-"""In the order in which cells are counted, the last fastest."""
+"""Axes in the order in which cells are counted, the last fastest."""
 RawChunk: TypeAlias = tuple[str, int, int, float, int, int]
 """A chunk as the core takes it: layout, views, landmarks, noise [rad], first trial and the one after the last."""
 
 LONGEST = 10_000
-"""Values of one axis."""
+"""Most values along one axis."""
 CELLS = 10**6
 CHUNKS = 10**7
 FEWEST, MOST = 10, 10_000
-"""Trials of a chunk where nobody says how many."""
+"""Default range of the number of trials per chunk."""
 PIECES = 2000
-"""Chunks into which a sweep of middle size is cut."""
+"""Number of chunks into which a sweep of medium size is cut."""
 
 T = TypeVar("T")
 
 
 class Chunk(NamedTuple):
-    """Some trials of one cell: what is done in one go."""
+    """A range of trials of one cell: a piece of work."""
 
     cell: int
     first: int
@@ -53,7 +53,7 @@ class Grid:
     layout, noise, views, landmarks, start : tuple
         The values along each axis; noise in radians.
     single : bool
-        Whether the layout was given as a word, so that results have no axis for it.
+        Whether the layout was given as a single word, so that results have no axis for it.
     """
 
     layout: tuple[Layout, ...]
@@ -68,7 +68,7 @@ class Grid:
         """The grid of the arguments of `sweep`."""
         grid = cls(
             layout=_values("layout", layout, lambda name, value: cast("Layout", str(choice(name, value, LAYOUTS)))),
-            # Minus zero is zero, but it would draw other scenes.
+            # Minus zero equals zero, but would give other scenes.
             noise=_values("noise", noise, lambda name, value: real(name, value, 0.0, 2 * math.pi) + 0.0),
             views=_values("views", views, lambda name, value: whole(name, value, 3)),
             landmarks=_values("landmarks", landmarks, lambda name, value: whole(name, value, 4)),
@@ -87,12 +87,12 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, int, int, int]:
-        """How many layouts, noises, views and landmarks."""
+        """Numbers of layouts, noises, views and landmarks."""
         return len(self.layout), len(self.noise), len(self.views), len(self.landmarks)
 
     @property
     def cells(self) -> int:
-        """How many kinds of scenes."""
+        """Number of cells."""
         return math.prod(self.shape)
 
     def cell(self, index: int) -> tuple[Layout, float, int, int]:
@@ -108,7 +108,7 @@ class Grid:
         return layout, views, landmarks, noise, chunk.first, chunk.end
 
     def difference(self, other: Grid) -> str | None:
-        """What another grid has else: "noise (0.1,) instead of (0.2,)"."""
+        """The first difference to another grid, such as "noise (0.1,) instead of (0.2,)"."""
         for name in (*AXES, "start"):
             mine, theirs = getattr(self, name), getattr(other, name)
             if mine != theirs:
@@ -117,14 +117,14 @@ class Grid:
 
 
 def chunk_size(scenes: int) -> int:
-    """Trials of a chunk for a sweep of so many scenes: a 2000th of them, but 10 at least and 10 000 at most."""
+    """Trials per chunk for a number of scenes: a 2000th of them, but at least 10 and at most 10 000."""
     return min(max(-(-scenes // PIECES), FEWEST), MOST)
 
 
 def cut(grid: Grid, trials: int, size: int, done: Mapping[int, Sequence[tuple[int, int]]]) -> list[Chunk]:
-    """Chunks of at most so many trials that are all but the ranges of trials that are done, by cell.
+    """Chunks of at most `size` trials that cover all trials but those done, which are given as ranges by cell.
 
-    Low trials of all cells come first, so that a sweep that is stopped has some of each.
+    The first trials of all cells come first, so that an interrupted sweep has some of each.
     """
     gaps = []
     for cell in range(grid.cells):
@@ -135,14 +135,14 @@ def cut(grid: Grid, trials: int, size: int, done: Mapping[int, Sequence[tuple[in
             at = max(at, end)
     count = sum(-(-(end - first) // size) for _, first, end in gaps)
     if count > CHUNKS:
-        raise InvalidInputError(f"chunk: expected so many trials that there are at most {CHUNKS} chunks, got {size}")
+        raise InvalidInputError(f"chunk: expected a size that makes at most {CHUNKS} chunks, got {size}")
     chunks = [Chunk(cell, at, min(at + size, end)) for cell, first, end in gaps for at in range(first, end, size)]
     chunks.sort(key=lambda chunk: (chunk.first, chunk.cell))
     return chunks
 
 
 def _values(name: str, given: object, one: Callable[[str, Any], T]) -> tuple[T, ...]:
-    """What is along an axis: a single value or several, each as `one` makes it."""
+    """Values along an axis from a single value or several, each converted by `one`."""
     if isinstance(given, str | bytes) or not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
         return (one(name, given),)
     items = list(islice(given, LONGEST + 1))

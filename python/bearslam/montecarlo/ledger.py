@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What has come in of a sweep so far."""
+"""The sum of the chunks of a sweep that are done."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from bearslam.coerce import IntArray
+from bearslam.data.checks import IntArray
 from bearslam.montecarlo.grid import Chunk, Grid
 from bearslam.montecarlo.tally import Tally
 
 __all__ = ["Ledger"]
 
 ROWS = 10**6
-"""Of histograms that wait to be added up."""
+"""Rows of histograms that wait before they are added up."""
 
 
 class _State(NamedTuple):
@@ -24,10 +24,10 @@ class _State(NamedTuple):
 
 
 class Ledger:
-    """Tallies of chunks, every one once, added up now and then.
+    """Tallies of chunks, each counted once, added up from time to time.
 
-    Ctrl-C may stop Python between any two steps. So every change here is one step, and a chunk that is entered again
-    because nobody knows how far it had come the first time does no harm.
+    Ctrl-C may interrupt Python between any two bytecodes. Every change of state here is therefore a single assignment,
+    and entering a chunk again after an interruption does no harm.
     """
 
     def __init__(self, grid: Grid) -> None:
@@ -37,7 +37,7 @@ class Ledger:
         self._rows = 0
 
     def enter(self, chunk: Chunk, counts: IntArray, bins: IntArray) -> bool:
-        """Add what a chunk has brought, unless it has been added before."""
+        """Add the result of a chunk; False if it was added before."""
         if chunk in self._state.waiting or chunk in self._state.chunks:
             return False
         self._state.waiting[chunk] = counts, bins
@@ -55,6 +55,6 @@ class Ledger:
         total, chunks, waiting = self._state
         parts = ((chunk.cell * len(self._grid.start), *arrays) for chunk, arrays in waiting.items())
         self._state = _State(total.plus(parts), chunks | waiting.keys(), {})
-        # No more often than when as much has come as there is, or adding up would take all the time.
+        # Waiting until as much has come in as there is keeps the total cost of adding up linear.
         self._limit = max(ROWS, len(self._state.sum.keys))
         self._rows = 0

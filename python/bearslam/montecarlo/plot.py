@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Pictures of sweeps: how many trials fail, and how large the errors are. Needs matplotlib."""
+"""Figures of sweeps: failure rates and errors. Needs matplotlib."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
-from bearslam.coerce import FloatArray, choice
+from bearslam.data.checks import FloatArray, choice
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import Start
+from bearslam.montecarlo.result import Result
 from bearslam.montecarlo.table import degrees
-from bearslam.plot import ESTIMATE, LINEAR, PAPER, TRUTH
+from bearslam.plotting.style import ESTIMATE, LINEAR, PAPER, TRUTH
 
 try:
     from matplotlib.figure import Figure
@@ -25,14 +26,12 @@ except ImportError:
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from bearslam.montecarlo.result import SweepResult
-
 __all__ = ["draw_errors", "draw_failures"]
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a start is drawn, and how it is called."""
+    """Style and label of a start."""
 
     color: str
     marker: str
@@ -41,7 +40,8 @@ class Stroke:
     name: str
 
 
-# The colours of `bearslam.plot`. Markers and lines tell the starts apart without them, and widths where they coincide.
+# The colours of `bearslam.plotting.style`. Markers and lines tell the starts apart without them, and widths where they
+# coincide.
 STROKES = {
     "random": Stroke("#e69f00", "s", "-.", 1.6, "random start"),
     "projective": Stroke(PAPER.color, "D", "--", 2.6, "projective start"),
@@ -51,15 +51,15 @@ STROKES = {
 BOUND = TRUTH.color
 PLAIN = "#808080"
 DARK = 0.54
-"""Share of failures above which white is easier to read than black."""
+"""Share of failures above which numbers are white."""
 ERRORS = {
     "position": ("position error [m]", 1.0),
     "heading": ("heading error [deg]", 180 / np.pi),
 }
-"""Label, and unit in what the sweep has."""
+"""Label of each quantity, and factor from the unit of the sweep to that of the label."""
 
 
-def draw_failures(result: SweepResult, *, starts: Sequence[Start] | None = None) -> Figure:
+def draw_failures(result: Result, *, starts: Sequence[Start] | None = None) -> Figure:
     """Heat maps of the failures in percent, as in figure 11 of Dellaert and Stroupe.
 
     Parameters
@@ -83,7 +83,7 @@ def draw_failures(result: SweepResult, *, starts: Sequence[Start] | None = None)
     layouts, noises, views, landmarks = result.grid.shape
     rates = {start: rate.reshape(result.grid.shape) for start, rate in result.failure_rate.items()}
     rows = [(i, k) for i in range(layouts) for k in range(noises)]
-    # Every number has to find room in its cell, and every label beside its map.
+    # Numbers must fit into their cells, and labels beside their maps.
     width, height = max(0.36 * landmarks, 1.3), max(0.25 * views, 0.8)
     size = max(len(chosen) * (width + 0.15) + 1.7, 4.0), len(rows) * (height + 0.25) + 0.9
     figure = Figure(figsize=size, layout="constrained")
@@ -118,14 +118,14 @@ def draw_failures(result: SweepResult, *, starts: Sequence[Start] | None = None)
 
 
 def draw_errors(
-    result: SweepResult,
+    result: Result,
     *,
     quantity: Literal["position", "heading"] = "heading",
     starts: Sequence[Start] | None = None,
     views: int | None = None,
     landmarks: int | None = None,
 ) -> Figure:
-    """Median and 90th percentile of the errors against noise, and below how they compare with the bound.
+    """Median and 90th percentile of the errors against noise, and below their ratio to the Cramer-Rao bound.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def draw_errors(
     starts : sequence of str, optional
         By default all starts of the sweep.
     views, landmarks : int, optional
-        Only scenes with so many; by default all of the sweep together.
+        Numbers of views and landmarks to select; by default all of the sweep together.
 
     Returns
     -------
@@ -180,15 +180,15 @@ def draw_errors(
         ax.xaxis.set_minor_locator(NullLocator())
     axes[0, 0].set_ylabel(label, fontsize=9)
     axes[1, 0].set_ylabel("rms error / bound", fontsize=9)
-    looks = [
+    styles = [
         (Line2D([], [], color=PLAIN, linewidth=1.6), "median"),
         (_thin(Stroke(PLAIN, "o", "-", 0.8, "")), "90th percentile"),
         (Line2D([], [], color=BOUND, linewidth=1.0), "Cramér-Rao bound"),
     ]
     strokes = [(_line(STROKES[start]), STROKES[start].name) for start in chosen]
     nothing = (Line2D([], [], linestyle="none"), "")
-    # Legends are filled column by column: the starts above, the looks below.
-    above, below = ([*some, *[nothing] * (entries - len(some))] for some in (strokes, looks))
+    # Legends are filled column by column: the starts above, the styles below.
+    above, below = ([*some, *[nothing] * (entries - len(some))] for some in (strokes, styles))
     handles, labels = zip(*(entry for pair in zip(above, below, strict=True) for entry in pair), strict=True)
     figure.legend(
         handles, labels, loc="outside lower center", ncols=entries, frameon=False, fontsize=8, handlelength=3.2
@@ -223,7 +223,7 @@ def _thin(stroke: Stroke, x: Sequence[float] = (), y: Sequence[float] = ()) -> L
 
 
 def _apart(x: Sequence[float]) -> list[float]:
-    """Of ascending values those whose numbers have room beside each other on a logarithmic axis."""
+    """Those of ascending values whose tick labels do not overlap on a logarithmic axis."""
     least = (x[-1] / x[0]) ** (1 / 12)
     kept = [x[0]]
     for value in x[1:]:
@@ -233,7 +233,7 @@ def _apart(x: Sequence[float]) -> list[float]:
 
 
 def _logarithmic(line: Iterable[Axes]) -> None:
-    """A logarithmic axis over a decade at least, with numbers that are written out, for axes side by side."""
+    """A shared logarithmic y axis over at least a decade, with plain numbers."""
     axes = list(line)
     drawn = [np.asarray(one.get_ydata(), dtype=float) for ax in axes for one in ax.get_lines()]
     values = np.concatenate(drawn)
@@ -254,7 +254,7 @@ def _logarithmic(line: Iterable[Axes]) -> None:
             ax.spines[side].set_visible(False)
 
 
-def _starts(result: SweepResult, starts: Sequence[Start] | None) -> tuple[Start, ...]:
+def _starts(result: Result, starts: Sequence[Start] | None) -> tuple[Start, ...]:
     if starts is None:
         return result.start
     chosen: tuple[str, ...] = (starts,) if isinstance(starts, str) else tuple(starts)
@@ -264,7 +264,7 @@ def _starts(result: SweepResult, starts: Sequence[Start] | None) -> tuple[Start,
 
 
 def _numbers(ax: Axes, rate: FloatArray) -> None:
-    """The failures of each cell in percent, on whatever is behind them."""
+    """The failures of each cell in percent."""
     for (view, landmark), share in np.ndenumerate(rate):
         if np.isnan(share):
             ax.fill(
@@ -281,7 +281,7 @@ def _numbers(ax: Axes, rate: FloatArray) -> None:
 
 
 def _percent(share: float) -> str:
-    """Whole percents; what is not none and not all does not look like it."""
+    """Whole percents, but never 0 or 100 for a share in between."""
     percents = 100 * share
     if 0 < percents < 0.5:
         return "<1"
@@ -290,8 +290,8 @@ def _percent(share: float) -> str:
     return f"{percents:.0f}"
 
 
-def _scenes(result: SweepResult) -> str:
-    """How many scenes."""
+def _scenes(result: Result) -> str:
+    """Number of scenes per cell, in words."""
     scenes = f"{result.trials:,} scene{'s' if result.trials != 1 else ''} per cell".replace(",", "\u2009")
     return scenes if result.complete else f"{scenes} (not all done)"
 

@@ -1,61 +1,43 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What a sweep has found out, with names on every axis."""
+"""The result of a sweep as data: counts with names on every axis, and the statistics that follow from them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Self
 
 import numpy as np
 
 from bearslam import _core
-from bearslam.coerce import FloatArray, IntArray, choice, quote, whole
+from bearslam.data.checks import FloatArray, IntArray, choice, quote, whole
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.grid import AXES, Grid, Start
 from bearslam.montecarlo.statistics import Statistics, Total, confident
 from bearslam.montecarlo.tally import COUNTS, Tally
-from bearslam.simulate import Layout, Scene, simulate
+from bearslam.verbs.simulate import Layout, Scene, simulate
 
-if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-    from matplotlib.figure import Figure
-
-__all__ = ["SweepResult"]
+__all__ = ["Result"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
+class Result(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
     """Failures, errors, iterations and time of every start in every cell of a sweep.
 
-    A cell is one combination of layout, noise, views and landmarks. A statistic is a dict that gives for every start
-    an array of shape (noise, views, landmarks), or (layout, noise, views, landmarks) if the layouts of the sweep were
-    given as a sequence. Cells in which nothing has been done are NaN.
+    A cell is one combination of layout, noise, views and landmarks. A statistic is a dict from start to an array of
+    shape (noise, views, landmarks), or (layout, noise, views, landmarks) if the layouts of the sweep were given as a
+    sequence. It is NaN in cells without trials.
 
     Attributes
     ----------
     grid : Grid
         The cells and the starts.
     trials : int
-        Trials of every cell that were asked for.
+        Number of trials per cell that were requested.
     seeds : tuple of int
         The seed; several after `merge`.
     tally : Tally
-        The whole numbers that everything else is computed from.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from bearslam import sweep
-    >>> result = sweep("mixed", views=[4, 6], landmarks=[7, 9], noise=np.radians([0.5, 1]), trials=20)
-    >>> result
-    <SweepResult: 1 layout, 2 noises, 2 views, 2 landmarks, 3 starts; 160 of 160 scenes>
-    >>> result.failure_rate["solve"].shape
-    (2, 2, 2)
-    >>> result.total("random").failures > result.total("solve").failures
-    True
+        Integer counts and histograms, from which everything else is computed.
     """
 
     grid: Grid
@@ -75,7 +57,7 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
             )
         ]
         done, total = int(self.done.sum()), self.trials * self.grid.cells
-        return f"<SweepResult: {', '.join(counts)}; {done} of {total} scenes>"
+        return f"<{type(self).__name__}: {', '.join(counts)}; {done} of {total} scenes>"
 
     @property
     def layout(self) -> tuple[Layout, ...]:
@@ -104,17 +86,17 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
 
     @property
     def done(self) -> IntArray:
-        """Trials that have been done in every cell, each from all starts."""
+        """Number of trials done in every cell, each from all starts."""
         counts = self.tally.counts[:: len(self.start), COUNTS.index("trials")]
         return counts.copy().reshape(self.grid.shape[1:] if self.grid.single else self.grid.shape)
 
     @property
     def complete(self) -> bool:
-        """Whether all that was asked for has been done; not so after an interruption."""
+        """Whether all requested trials were done; False after an interruption."""
         return bool((self.done == self.trials).all())
 
     def failure_interval(self, confidence: float = 0.95) -> Mapping[str, FloatArray]:
-        """Interval in which the true failure rate lies, by the score test (Wilson).
+        """Confidence interval of the failure rate (Wilson score interval).
 
         Parameters
         ----------
@@ -146,19 +128,19 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         views: int | None = None,
         landmarks: int | None = None,
     ) -> Total:
-        """The same statistics of all cells together, or of those with a certain layout, noise, views or landmarks.
+        """Statistics over all cells together, or over those with a given layout, noise, views or landmarks.
 
         Parameters
         ----------
         start : str
             One of the starts of the sweep.
         layout, noise, views, landmarks
-            Which cells; one of the values of the sweep, or None for all.
+            Selected cells: a value of the sweep, or None for all.
 
         Returns
         -------
         Total
-            With numbers where the result of the sweep has arrays.
+            The same statistics, as numbers instead of arrays.
 
         Raises
         ------
@@ -179,21 +161,21 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
     def scene(
         self, trial: int, *, layout: Layout, noise: float, views: int, landmarks: int, seed: int | None = None
     ) -> Scene:
-        """Draw the scene of a trial again.
+        """Draw the scene of a trial again, to examine it.
 
         Parameters
         ----------
         trial : int
-            Its number, from 0.
+            Number of the trial, from 0.
         layout, noise, views, landmarks
-            The cell: values of the sweep.
+            Values of the sweep that select the cell.
         seed : int, optional
-            Which of the `seeds`; by default the first.
+            One of the `seeds`; by default the first.
 
         Returns
         -------
         Scene
-            The scene, to solve and look at.
+            The scene of the trial.
 
         Raises
         ------
@@ -212,25 +194,25 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         drawn = _core.scene_seed(*cell, exact, own, whole("trial", trial, 0))
         return simulate(*cell, noise=exact, seed=drawn)
 
-    def merge(self, other: SweepResult) -> SweepResult:
-        """Both sweeps together: the same cells and starts, other seeds.
+    def merge(self, other: Result) -> Self:
+        """Merge with another sweep of the same cells and starts and different seeds.
 
         Parameters
         ----------
         other : SweepResult
-            With other scenes, which it has by another seed.
+            A sweep with another seed, and so with other scenes.
 
         Returns
         -------
         SweepResult
-            With the trials of both.
+            The trials of both.
 
         Raises
         ------
         InvalidInputError
-            If the cells or starts differ, or a seed is in both: the same scenes would count twice.
+            If the cells or starts differ, or both have a seed in common: the same scenes would count twice.
         """
-        if not isinstance(other, SweepResult):
+        if not isinstance(other, Result):
             raise InvalidInputError(f"other: expected the result of a sweep, got {quote(other)}")
         difference = self.grid.difference(other.grid)
         if difference is not None:
@@ -239,22 +221,22 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
         if common:
             raise InvalidInputError(f"other: expected a sweep with another seed, got {min(common)} again")
         together = self.tally.plus([(0, other.tally.counts, other.tally.bins())])
-        return SweepResult(self.grid, self.trials + other.trials, self.seeds + other.seeds, together)
+        return type(self)(self.grid, self.trials + other.trials, self.seeds + other.seeds, together)
 
-    def identical(self, other: SweepResult, *, times: bool = False) -> bool:
-        """Whether another sweep has the same cells, starts, trials, seeds, and found the same, bit by bit.
+    def identical(self, other: Result, *, times: bool = False) -> bool:
+        """Whether another sweep has the same cells, starts, trials, seeds and results, bit by bit.
 
         Parameters
         ----------
         other : SweepResult
-            The other.
+            The sweep to compare with.
         times : bool
-            Whether the times have to be the same as well, which they are only in copies.
+            Whether to compare the times as well, which are equal in copies only.
 
         Returns
         -------
         bool
-            True if so.
+            True if they are the same.
         """
         counted = slice(None) if times else slice(0, COUNTS.index("nanoseconds"))
         return (
@@ -264,113 +246,8 @@ class SweepResult(Statistics[Mapping[str, FloatArray], Mapping[str, IntArray]]):
             and np.array_equal(self.tally.sizes, other.tally.sizes)
         )
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write everything to a file that `load` reads: arrays to `.npz`, a table with a line for each cell to `.csv`.
-
-        An existing file is replaced in one step, never left half written.
-
-        Raises
-        ------
-        InvalidInputError
-            If the name ends in neither.
-        OSError
-            If it cannot be written.
-        """
-        from bearslam.montecarlo.files import save
-
-        save(self, path)
-
-    @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> SweepResult:
-        """Read a file that `save` has written.
-
-        Parameters
-        ----------
-        path : str or path
-            Ends in `.npz` or `.csv`.
-
-        Returns
-        -------
-        SweepResult
-            The same, bit by bit.
-
-        Raises
-        ------
-        InvalidInputError
-            If the file is damaged, or no result of a sweep; with file and line.
-        OSError
-            If it cannot be read.
-        """
-        from bearslam.montecarlo.files import load
-
-        return load(path)
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A table with a row for each cell and start.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Layout, noise, views, landmarks and start, then what there is to tell. Angles are radians, in `_deg` columns
-            degrees.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed.
-        """
-        from bearslam.montecarlo.table import to_pandas
-
-        return to_pandas(self)
-
-    def to_xarray(self) -> xr.Dataset:
-        """The statistics over layout, noise, views, landmarks and start.
-
-        Returns
-        -------
-        xarray.Dataset
-            With these five dimensions, whatever the layout was given as.
-
-        Raises
-        ------
-        ImportError
-            If xarray is not installed.
-        """
-        from bearslam.montecarlo.table import to_xarray
-
-        return to_xarray(self)
-
-    def plot(self, kind: Literal["failures", "errors"] = "failures", **options: Any) -> Figure:
-        """Draw the sweep.
-
-        Parameters
-        ----------
-        kind : {"failures", "errors"}
-            "failures": how many of the trials fail, as heat maps over views and landmarks, a column for each start, a
-            row for each noise and layout. "errors": errors against noise, and how they compare with the bound.
-        **options
-            Of `bearslam.montecarlo.plot.draw_failures` or `bearslam.montecarlo.plot.draw_errors`.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            The picture.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed (``pip install "bearslam[plot]"``).
-        InvalidInputError
-            If an option is out of range.
-        """
-        from bearslam.montecarlo.plot import draw_errors, draw_failures
-
-        if choice("kind", kind, ("failures", "errors")) == "failures":
-            return draw_failures(self, **options)
-        return draw_errors(self, **options)
-
     def _index(self, name: str, value: object) -> int:
-        """Where a value is along an axis; a noise need not be the same to the last bit."""
+        """Index of a value along an axis; a noise need not match to the last bit."""
         known = getattr(self.grid, name)
         for index, one in enumerate(known):
             if one == value or (

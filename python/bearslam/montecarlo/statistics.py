@@ -6,7 +6,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Generic, TypeVar
 
-from bearslam.coerce import FloatArray, IntArray, choice, quote, real
+from bearslam.data.checks import FloatArray, IntArray, choice, quote, real
 from bearslam.errors import InvalidInputError
 from bearslam.montecarlo.tally import (
     FAILURES,
@@ -26,13 +26,13 @@ Wholes = TypeVar("Wholes", covariant=True)
 
 
 class Statistics(ABC, Generic[Reals, Wholes]):
-    """Numbers that are made from a tally; NaN where nothing has been done."""
+    """Statistics that follow from a tally; NaN without trials."""
 
     tally: Tally
 
     @abstractmethod
     def _reals(self, values: FloatArray) -> Reals:
-        """Numbers of all groups in the shape in which they are told."""
+        """Values of all groups in the shape of the result."""
 
     @abstractmethod
     def _wholes(self, values: IntArray) -> Wholes:
@@ -40,10 +40,10 @@ class Statistics(ABC, Generic[Reals, Wholes]):
 
     @property
     def failures(self) -> Wholes:
-        """Trials that did not end in the least cost known for their scene.
+        """Number of trials that missed the lowest known cost of their scene.
 
-        The least over all starts of the sweep and the refinement that starts at the truth; a trial has failed that
-        found no map, or one whose cost is higher by more than 1e-5 of it.
+        The lowest cost is that over all starts of the sweep and a refinement from the truth. A trial has failed if it
+        found no map, or one whose cost is higher by a share of more than 1e-5.
         """
         return self._wholes(self.tally.counts[:, FAILURES])
 
@@ -54,17 +54,17 @@ class Statistics(ABC, Generic[Reals, Wholes]):
 
     @property
     def without_map(self) -> Wholes:
-        """Trials that found no map at all; they are failures as well, and have no errors."""
+        """Number of trials without any map; they count as failures and have no errors."""
         return self._wholes(self.tally.counts[:, WITHOUT_MAP])
 
     @property
     def incomplete(self) -> Wholes:
-        """Trials whose map leaves a view or a landmark undetermined, if only its range."""
+        """Number of trials whose map leaves a view or landmark undetermined, if only its range."""
         return self._wholes(self.tally.counts[:, INCOMPLETE])
 
     @property
     def mean_iterations(self) -> Reals:
-        """Linear systems solved per trial, in the refinement that won."""
+        """Linear systems solved per trial, in the refinement of the best map."""
         return self._reals(self.tally.share(ITERATIONS))
 
     @property
@@ -78,8 +78,8 @@ class Statistics(ABC, Generic[Reals, Wholes]):
         Parameters
         ----------
         quantity : {"position", "heading", "position_ratio", "heading_ratio"}
-            The root-mean-square error of the positions of views and landmarks [m] or of the headings [rad], after the
-            similarity that fits all positions best; or these over their Cramer-Rao bounds. Failures count.
+            Root-mean-square error of the positions of views and landmarks [m] or of the headings [rad], after alignment
+            of all positions; or their ratios to the Cramer-Rao bounds. Failures are included.
         q : float
             From 0 to 1.
 
@@ -113,7 +113,7 @@ class Statistics(ABC, Generic[Reals, Wholes]):
 
     @property
     def position_ratio(self) -> Reals:
-        """Root mean square of the position errors over their Cramer-Rao bounds: near 1 is as good as can be.
+        """Root mean square of the position errors over their Cramer-Rao bounds: near 1 is optimal.
 
         NaN without noise, and where the bearings determine no map.
         """
@@ -121,12 +121,12 @@ class Statistics(ABC, Generic[Reals, Wholes]):
 
     @property
     def heading_ratio(self) -> Reals:
-        """The same of the heading errors."""
+        """Root mean square of the heading errors over their Cramer-Rao bounds."""
         return self._reals(self.tally.root_mean_square(QUANTITIES.index("heading_ratio")))
 
 
 class Total(Statistics[float, int]):
-    """What is told of the trials of many cells together, from one start; see `SweepResult.total`."""
+    """Statistics of the trials of many cells together, from one start; see `SweepResult.total`."""
 
     def __init__(self, tally: Tally) -> None:
         self.tally = tally
@@ -136,7 +136,7 @@ class Total(Statistics[float, int]):
 
     @property
     def trials(self) -> int:
-        """Trials done."""
+        """Number of trials done."""
         return int(self.tally.counts[0, 0])
 
     def failure_interval(self, confidence: float = 0.95) -> tuple[float, float]:
@@ -152,7 +152,7 @@ class Total(Statistics[float, int]):
 
 
 def confident(confidence: float) -> float:
-    """A confidence: above 0 and below 1."""
+    """A confidence level above 0 and below 1."""
     value = real("confidence", confidence, 0.0, 1.0, above=True)
     if value == 1.0:
         raise InvalidInputError(f"confidence: expected a number below 1, got {quote(confidence)}")

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bearslam.montecarlo.result import Result
 from bearslam.montecarlo.tally import COUNTS, FAILURES, ITERATIONS, NANOSECONDS, QUANTITIES
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from bearslam.montecarlo.result import SweepResult
 
 __all__ = ["coordinates", "statistics", "to_pandas", "to_xarray"]
 
 
-def coordinates(result: SweepResult) -> dict[str, list[Any]]:
-    """Where every group of trials belongs: columns of layout, noise [rad], noise_deg, views, landmarks and start."""
+def coordinates(result: Result) -> dict[str, list[Any]]:
+    """Coordinates of every group of trials: columns of layout, noise [rad], noise_deg, views, landmarks and start."""
     cells = [result.grid.cell(index) for index in range(result.grid.cells)]
     rows = [(*cell, start) for cell in cells for start in result.start]
     layout, noise, views, landmarks, start = (list(column) for column in zip(*rows, strict=True))
@@ -35,8 +35,8 @@ def coordinates(result: SweepResult) -> dict[str, list[Any]]:
     }
 
 
-def statistics(result: SweepResult) -> dict[str, NDArray[Any]]:
-    """What there is to tell of every group of trials."""
+def statistics(result: Result) -> dict[str, NDArray[Any]]:
+    """Statistics of every group of trials."""
     tally = result.tally
     counts = dict(zip(COUNTS, tally.counts.T, strict=True))
     low, high = tally.failure_interval(0.95).T
@@ -61,11 +61,11 @@ def statistics(result: SweepResult) -> dict[str, NDArray[Any]]:
 
 
 def degrees(radians: float) -> float:
-    """Degrees as they were meant, most likely: 0.5 rather than 0.49999999999999994."""
+    """Degrees without rounding errors of the conversion: 0.5 rather than 0.49999999999999994."""
     return float(f"{math.degrees(radians):.14g}")
 
 
-def to_pandas(result: SweepResult) -> pd.DataFrame:
+def to_pandas(result: Result) -> pd.DataFrame:
     """See `SweepResult.to_pandas`."""
     try:
         import pandas as pd
@@ -74,7 +74,7 @@ def to_pandas(result: SweepResult) -> pd.DataFrame:
     return pd.DataFrame({**coordinates(result), **statistics(result)})
 
 
-def to_xarray(result: SweepResult) -> xr.Dataset:
+def to_xarray(result: Result) -> xr.Dataset:
     """See `SweepResult.to_xarray`."""
     try:
         import xarray as xr

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Counts and histograms of many groups of trials: whole numbers, which add up to the same in any order."""
+"""Counts and histograms of many groups of trials: integers, so that the order of summation does not matter."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from bearslam.coerce import FloatArray, IntArray
+from bearslam.data.checks import FloatArray, IntArray
 
 __all__ = ["COUNTS", "HIGHEST", "LOWEST", "QUANTITIES", "Quantity", "Tally"]
 
 Quantity: TypeAlias = Literal["position", "heading", "position_ratio", "heading_ratio"]
 QUANTITIES = ("position", "heading", "position_ratio", "heading_ratio")
-"""What there are histograms of: root-mean-square errors, and these over their Cramer-Rao bounds."""
+"""Quantities with histograms: root-mean-square errors, and their ratios to the Cramer-Rao bounds."""
 COUNTS = ("trials", "failures", "without_map", "incomplete", "iterations", "nanoseconds")
 TRIALS, FAILURES, WITHOUT_MAP, INCOMPLETE, ITERATIONS, NANOSECONDS = range(6)
 
@@ -29,16 +29,16 @@ PER_OCTAVE = 64
 
 @dataclass(frozen=True, eq=False)
 class Tally:
-    """What is known of the trials of some groups, a group being a cell and a start or several of them.
+    """Counts and histograms of groups of trials; a group is one or several pairs of a cell and a start.
 
     Attributes
     ----------
     counts : (groups, 6) ndarray of int
-        In the order of `COUNTS`.
+        Counts in the order of `COUNTS`.
     keys : (k,) ndarray of int
-        Group, quantity and bin of every bin that holds something, in one number each, ascending.
+        Group, quantity and bin of every bin that is not empty, packed into one integer each, ascending.
     sizes : (k,) ndarray of int
-        How many values these bins hold.
+        Numbers of values in these bins.
     """
 
     counts: IntArray
@@ -51,17 +51,17 @@ class Tally:
 
     @classmethod
     def empty(cls, groups: int) -> Tally:
-        """Nothing yet."""
+        """A tally of no trials."""
         nothing = np.empty(0, dtype=np.int64)
         return cls(np.zeros((groups, len(COUNTS)), dtype=np.int64), nothing, nothing)
 
     @property
     def groups(self) -> int:
-        """How many groups."""
+        """Number of groups."""
         return len(self.counts)
 
     def plus(self, parts: Iterable[tuple[int, IntArray, IntArray]]) -> Tally:
-        """The sum with parts as the core makes them: their first group, counts, and (group, quantity, bin, size)."""
+        """The sum with parts from the core: first group, counts, and rows of group, quantity, bin and size."""
         counts = self.counts.copy()
         keys, sizes = [self.keys], [self.sizes]
         for first, more, bins in parts:
@@ -72,7 +72,7 @@ class Tally:
         return Tally(counts, *_summed(np.concatenate(keys), np.concatenate(sizes)))
 
     def regrouped(self, to: IntArray, groups: int) -> Tally:
-        """The sums over groups: group i goes into `to[i]`, or nowhere if that is negative."""
+        """Sums over groups: group i is added to `to[i]`, or dropped if that is negative."""
         kept = to >= 0
         counts = np.zeros((groups, len(COUNTS)), dtype=np.int64)
         np.add.at(counts, to[kept], self.counts[kept])
@@ -88,7 +88,7 @@ class Tally:
         return np.stack([group, quantity, place + LOWEST, self.sizes], axis=1)
 
     def flaw(self) -> tuple[int, str] | None:
-        """The first group that holds what no trials leave behind, and what; files may be damaged."""
+        """The first group with impossible counts, and what is wrong with it; files may be damaged."""
         trials, failures, without_map, incomplete = self.counts[:, :4].T
         found = [
             (self.counts < 0).any(axis=1),
@@ -107,14 +107,14 @@ class Tally:
         return (int(at[0]), flaws[which[0]]) if len(at) else None
 
     def share(self, count: int) -> FloatArray:
-        """One of the counts over the trials of every group; NaN where there are none."""
+        """One of the counts per trial, for every group; NaN without trials."""
         trials = self.counts[:, TRIALS]
         with np.errstate(invalid="ignore"):
             shares: FloatArray = np.where(trials > 0, self.counts[:, count], np.nan) / trials
         return shares
 
     def failure_interval(self, confidence: float) -> FloatArray:
-        """Wilson's interval (groups, 2) of the failure rate; NaN where there are no trials."""
+        """Wilson's interval (groups, 2) of the failure rate; NaN without trials."""
         z = NormalDist().inv_cdf(0.5 + confidence / 2)
         failed = self.counts[:, FAILURES].astype(float)
         trials = np.where(self.counts[:, TRIALS] > 0, self.counts[:, TRIALS], np.nan)
@@ -126,7 +126,7 @@ class Tally:
         return interval
 
     def quantile(self, quantity: int, q: float) -> FloatArray:
-        """The value below which a share `q` of the values of every group lies; NaN where there are none."""
+        """The value below which a share `q` of the values of every group lies; NaN without values."""
         starts, ends = self._extent(quantity)
         running = np.concatenate([[0], np.cumsum(self.sizes)])
         below, upto = running[starts], running[ends]
@@ -138,7 +138,7 @@ class Tally:
         return values
 
     def root_mean_square(self, quantity: int) -> FloatArray:
-        """The root mean square of the values of every group; NaN where there are none."""
+        """The root mean square of the values of every group; NaN without values."""
         group, other = np.divmod(self.keys // WIDTH, len(QUANTITIES))
         chosen = other == quantity
         sizes = self.sizes[chosen].astype(float)
@@ -150,13 +150,13 @@ class Tally:
         return roots
 
     def _extent(self, quantity: int) -> tuple[IntArray, IntArray]:
-        """Where the bins of every group start and end."""
+        """Start and end of the bins of every group."""
         first = (np.arange(self.groups) * len(QUANTITIES) + quantity) * WIDTH
         return np.searchsorted(self.keys, first), np.searchsorted(self.keys, first + WIDTH)
 
 
 def key(group: IntArray, quantity: IntArray, place: IntArray) -> IntArray:
-    """Group, quantity and bin in one number."""
+    """Group, quantity and bin packed into one integer."""
     return (group * len(QUANTITIES) + quantity) * WIDTH + (place - LOWEST)
 
 

@@ -2,17 +2,17 @@
 //! A map that explains the bearings, one of many where they leave freedom: what a diagnosis looks at.
 
 use super::super::options::MapOptions;
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::kernels::{Method, three_view};
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
 use crate::reconstruction::judge::same;
-use crate::reconstruction::search::plain::lowest;
 use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
 use crate::reconstruction::search::triples::{common_bearings, draw};
+use crate::reconstruction::strategy::lowest;
 use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
 use alloc::vec::Vec;
 

@@ -6,9 +6,10 @@ use super::super::options::DiagnosisOptions;
 use super::super::shapes::examine::{Examination, examine};
 use super::super::shapes::normalized_map::NormalizedMap;
 use super::components::Part;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;

@@ -6,8 +6,9 @@ use super::super::result::Reconstruction;
 use super::gates::noise;
 use super::growth::GATES;
 use super::locate;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
+use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 
 /// Refinements of a map, each of which may make room for a view that did not fit before.
@@ -62,7 +63,7 @@ fn refined(
     let mut watch = |done, _| tell(progress, "refine", done, total);
     match refine_map(problem, &mut map, options, Some(&mut watch)) {
         Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(None),
     }
 }

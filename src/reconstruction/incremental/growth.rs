@@ -8,11 +8,12 @@
 use super::super::options::{Progress, tell};
 use super::gates::{Fit, noise, range_variance};
 use super::locate;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
+use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -186,7 +187,7 @@ impl<'a> Growth<'a> {
                 self.noise = noise(self.problem, &self.map);
                 Ok(true)
             }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+            Err(error) if error.stops_all() => Err(error),
             Err(_) => Ok(false),
         }
     }

@@ -7,10 +7,11 @@
 
 use super::super::grow::{grow, resect_view};
 use super::super::options::{Progress, tell};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Tie};
 use alloc::collections::VecDeque;
 use alloc::vec;

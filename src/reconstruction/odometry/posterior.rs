@@ -10,15 +10,14 @@ use super::super::infinity::take_out_unbounded;
 use super::super::options::{Progress, SolveOptions, tell};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
-use super::super::search::plain;
 use super::super::strategy;
 use super::growth::anchored;
 use super::robust_start;
-use crate::adjustment::{RefineOptions, fitted, refine_map};
-use crate::error::Error;
+use crate::adjustment::{fitted, refine_map};
+use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem, Undetermined, Why};
 use alloc::vec::Vec;
 
@@ -111,7 +110,7 @@ const MANY_SIGHTINGS: usize = 3;
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of starts that could be refined",
+    kind: Degeneracy::NoStart,
     value: 0.0,
     bound: 1.0,
 };
@@ -166,7 +165,7 @@ impl Attempts<'_, '_> {
         let best = if self.options.robust {
             solve_robust(&alone, self.options, self.progress)
         } else {
-            plain::solve(&alone, self.options, self.progress)
+            strategy::solve(&alone, self.options, self.progress)
         };
         let best = match best {
             Ok(best) => best,
@@ -182,7 +181,7 @@ impl Attempts<'_, '_> {
 
     /// Goes on after an error, unless it is none of the start's.
     fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if matches!(error, Error::Interrupted | Error::OutOfMemory) {
+        if error.stops_all() {
             return Err(error);
         }
         self.failure = error;

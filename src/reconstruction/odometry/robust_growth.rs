@@ -11,11 +11,11 @@ use super::super::options::{Progress, tell};
 use super::super::robust::expand::{AGREEING_OF_LANDMARK, GROWING, extend};
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::place::{place_landmark, sets};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::kernels::triangulate;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 
@@ -168,7 +168,7 @@ fn settle(
             }
             Ok(())
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(()),
     }
 }

@@ -8,9 +8,8 @@ use super::super::robust::reassign::replace;
 use super::super::robust::solve::{FEW_OUTLIERS, check_sigmas, reconstruction};
 use super::robust_growth;
 use super::sweeps::{retrace, softly};
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand::SeedableRng;
@@ -19,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn along_odometry(
     problem: &Problem,
     options: &SolveOptions,
@@ -41,7 +40,7 @@ pub fn is_searchable(problem: &Problem) -> bool {
 /// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
-/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::TooCoarse`].
+/// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn from_start(
     problem: &Problem,
     start: &Map,

@@ -10,9 +10,9 @@ use super::super::robust::consensus::{Settled, fixed_point, settle};
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::objective::{OUTLIER, inliers};
 use super::super::robust::reassign::{relocate, replace};
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
@@ -45,10 +45,9 @@ pub fn softly(
         ..*options
     };
     // What cannot be refined as a whole may still have a part that can.
-    if let Err(error @ (Error::Interrupted | Error::OutOfMemory)) =
-        refine_map(problem, &mut map, &soft, None)
-    {
-        return Err(error);
+    match refine_map(problem, &mut map, &soft, None) {
+        Err(error) if error.stops_all() => return Err(error),
+        _ => {}
     }
     settle(problem, map, options)
 }

@@ -7,9 +7,9 @@
 use super::super::judge::same;
 use super::super::result::Reconstruction;
 use super::objective::{OUTLIER, cost, inliers};
-use crate::adjustment::{RefineOptions, Report, refine_map};
+use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
@@ -67,7 +67,7 @@ fn refined(
     };
     match refine_map(problem, map, &options, None) {
         Ok(report) => Ok(Some(report)),
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+        Err(error) if error.stops_all() => Err(error),
         Err(_) => Ok(None),
     }
 }

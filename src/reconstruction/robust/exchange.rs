@@ -7,8 +7,8 @@
 
 use super::consensus::{Settled, fixed_point};
 use super::objective::OUTLIER;
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
+use crate::lm::RefineOptions;
 use crate::problem::Problem;
 use crate::uncertainty::Leverage;
 use alloc::vec;

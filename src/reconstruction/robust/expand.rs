@@ -4,10 +4,10 @@
 use super::consensus::descend;
 use super::place::{place_landmark, place_view};
 use super::sampling::Seed;
-use crate::adjustment::RefineOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::Motion;
+use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;

@@ -5,17 +5,17 @@ use super::super::infinity::take_out_unbounded;
 use super::super::judge::{assess, refuse_free};
 use super::super::options::{Progress, Search, SolveOptions, tell};
 use super::super::result::Reconstruction;
-use super::super::search::{hypotheses, plain, triples};
+use super::super::search::{hypotheses, triples};
+use super::super::strategy;
 use super::consensus::{Settled, fixed_point, settle};
 use super::exchange::exchange;
 use super::expand::expand;
 use super::objective::{OUTLIER, inliers};
 use super::reassign::{relocate, replace};
 use super::sampling::{Common, SAMPLE, Seed};
-use crate::adjustment::RefineOptions;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::kernels::Motion;
-use crate::lm::Loss;
+use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -58,7 +58,7 @@ const PLAIN: usize = 6;
 /// The map that explains most of the bearings, and which these are.
 ///
 /// # Errors
-/// As [`solve`], and [`Error::TooCoarse`] for a standard deviation above [`COARSEST`].
+/// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
 pub fn solve_robust(
     problem: &Problem,
     options: &SolveOptions,
@@ -113,7 +113,7 @@ pub const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {
-    quantity: "number of maps that more than a sample agrees with",
+    kind: Degeneracy::NoSupport,
     value: 0.0,
     bound: 1.0,
 };
@@ -128,7 +128,7 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
         .min_by_key(|(_, index)| **index);
     match coarse {
         None => Ok(()),
-        Some((s, &index)) => Err(Error::TooCoarse {
+        Some((s, &index)) => Err(Error::SigmaTooLarge {
             what: "sigma",
             index,
             value: s.weight.recip(),
@@ -303,7 +303,7 @@ fn last_word(
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
-    match plain::solve(&kept, &options, progress) {
+    match strategy::solve(&kept, &options, progress) {
         Ok(mut found) => {
             let rivals = core::mem::take(&mut found.alternatives);
             for found in core::iter::once(found).chain(rivals) {
@@ -315,7 +315,7 @@ fn last_word(
                 }
             }
         }
-        Err(error @ (Error::Interrupted | Error::OutOfMemory)) => return Err(error),
+        Err(error) if error.stops_all() => return Err(error),
         // What the plain search cannot solve may still have been found.
         Err(_) => {}
     }

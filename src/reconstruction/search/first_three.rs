@@ -17,7 +17,7 @@ use crate::problem::{Map, Problem};
 ///
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, sections 3.4 and 3.5.
-pub fn follow(problem: &Problem, method: Method) -> Result<[Map; 2], Error> {
+pub fn initialize_from_first_three(problem: &Problem, method: Method) -> Result<Map, Error> {
     if problem.views() < 3 {
         return Err(Error::TooFew {
             what: "views",
@@ -46,12 +46,11 @@ pub fn follow(problem: &Problem, method: Method) -> Result<[Map; 2], Error> {
             maps.swap(0, 1);
         }
     }
-    for map in &mut maps {
-        for view in 3..problem.views() {
-            map.poses[view] = resect_view(problem, map, view).map(|found| found.0);
-        }
-        // What the order of the views has left out.
-        grow(problem, map);
+    let [mut map, _] = maps;
+    for view in 3..problem.views() {
+        map.poses[view] = resect_view(problem, &map, view).map(|found| found.0);
     }
-    Ok(maps)
+    // What the order of the views has left out.
+    grow(problem, &mut map);
+    Ok(map)
 }

@@ -124,16 +124,6 @@ pub fn search(
 }
 
 impl Hypotheses {
-    /// Maps from elsewhere.
-    pub fn of<const N: usize>(maps: [Map; N]) -> Self {
-        Self {
-            maps: maps.map(|map| Hypothesis { map, triple: 0 }).into(),
-            unique: false,
-            four: false,
-            triples: Vec::new(),
-        }
-    }
-
     /// More maps: from tensors that noise may have turned into those that were estimated.
     ///
     /// # Errors

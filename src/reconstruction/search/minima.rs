@@ -11,9 +11,9 @@ use super::super::options::{Progress, tell};
 use super::super::result::Reconstruction;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
-use crate::adjustment::{RefineOptions, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
-use crate::lm::Termination;
+use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
@@ -210,7 +210,7 @@ impl<'a, 'p> Minima<'a, 'p> {
                 report.iterations += used;
                 Ok(Some(Reconstruction::new(self.problem, &map, report)))
             }
-            Err(error @ (Error::Interrupted | Error::OutOfMemory)) => Err(error),
+            Err(error) if error.stops_all() => Err(error),
             // A hypothesis that cannot even be refined is none.
             Err(error) => {
                 self.failure = Some(error);

@@ -3,9 +3,10 @@
 
 use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
-    Bearing, Branch, CalibratedTensor, FixedMap, FixedOptions, Method, Real, Triple, Workspace,
-    align, bearing_to, epipoles, is_ahead, projective_tensor, real_epipoles, resect, signed_angle,
-    three_view, three_view_with_landmarks, transform_pose, triangulate, trifocal_tensor,
+    Bearing, Branch, CalibratedTensor, FixedMap, Loss, Method, Real, RefineOptions, Triple,
+    Workspace, align, bearing_to, epipoles, is_ahead, projective_tensor, real_epipoles, resect,
+    signed_angle, three_view, three_view_with_landmarks, transform_pose, triangulate,
+    trifocal_tensor,
 };
 use core::ffi::CStr;
 use core::hint::black_box;
@@ -149,11 +150,26 @@ kernels! {
         }
         let _ = black_box((map.add_view(black_box(3)), map.add_landmark(black_box(7))));
         let mut workspace = Workspace::default();
-        let options = FixedOptions { max_iterations: black_box(5), ..FixedOptions::default() };
+        let options = RefineOptions { max_iterations: black_box(5), ..RefineOptions::default() };
         let _ = black_box(map.refine(&mut workspace, &options));
         map.normalize();
         black_box((map.cost(), map.rms()));
         let _ = black_box((map.forget_view(black_box(1)), map.forget_landmark(black_box(1))));
+    }
+    c"fixed map, 4x12: refine with a loss" => robust(s) {
+        let mut map = FixedMap::<T, 4, 12>::new();
+        for (view, (pose, bearings)) in s.poses.iter().zip(first(&s.bearings, 4)).enumerate() {
+            for (landmark, bearing) in first(bearings, 12).iter().enumerate() {
+                let _ = map.see(view, landmark, *bearing, T::lit(0.01));
+            }
+            map.poses.iter_mut().skip(view).take(1).for_each(|place| *place = Some(*pose));
+        }
+        for (place, landmark) in map.landmarks.iter_mut().zip(&s.landmarks) {
+            *place = Some(*landmark);
+        }
+        let loss = black_box(Loss::Cauchy(T::lit(Loss::<T>::CAUCHY)));
+        let options = RefineOptions { max_iterations: black_box(5), loss, ..RefineOptions::default() };
+        let _ = black_box(map.refine(&mut Workspace::default(), &options));
     }
     c"align, 15 points" => similarity(s) {
         if let Ok(found) = black_box(align(first(&s.landmarks, 15), first(&s.moved, 15))) {

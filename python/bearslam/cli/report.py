@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Results as text for people: degrees instead of radians."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from bearslam.data.estimate import Estimate, outliers, per_sighting
+from bearslam.data.maps import Map, compare
+from bearslam.io.text import printable
+
+__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "percent", "residuals_over_sigma"]
+
+SHOWN = 20
+"""Rows of a listing that are printed; files have all of them."""
+FRAME = {
+    "first_view": "the first view held fixed",
+    "free_network": "inner constraints",
+    "priors": "fixed by odometry and priors",
+}
+"""Frames of covariances in words."""
+
+
+def describe(result: Estimate) -> str:
+    """A few lines on the size of the problem, the fit, and what is not determined."""
+    views, landmarks = len(result.poses), len(result.landmarks)
+    lines = [
+        f"{views} views, {landmarks} landmarks, {len(result.sightings)} sightings",
+        f"residual rms {math.degrees(result.rms):.4g} deg, cost {result.cost:.6g}, "
+        f"{'converged' if result.converged else 'not converged'} after {result.iterations} iterations "
+        f"({result.termination.replace('_', ' ')})",
+    ]
+    if not math.isnan(result.uncertainty):
+        lines.append(
+            f"uncertainty {percent(result.uncertainty)} of the map's size in the direction that is constrained least"
+        )
+    elif not math.isnan(result.sensitivity):
+        lines.append("uncertainty unknown: without redundant sightings the residuals say nothing about the errors")
+    if result.covariance_frame is not None:
+        lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
+    if not result.oriented:
+        lines.append("bearings are lines: every heading is known modulo 180 deg only")
+    lines += _outliers(result)
+    for one in result.undetermined[:SHOWN]:
+        ids = result.view_ids if one.kind == "view" else result.landmark_ids
+        name = one.index if ids is None else ids[one.index]
+        lines.append(f"undetermined: {one.kind} {printable(name)}: {one.reason}")
+    if len(result.undetermined) > SHOWN:
+        lines.append(f"undetermined: ... and {len(result.undetermined) - SHOWN} more")
+    lines += [
+        f"alternative: residual rms {math.degrees(other.rms):.4g} deg, cost {other.cost:.6g}"
+        for other in result.alternatives
+    ]
+    lines += [
+        f"separate map: {np.isfinite(other.poses[:, 0]).sum()} views, "
+        f"{np.isfinite(other.landmarks[:, 0]).sum()} landmarks, residual rms {math.degrees(other.rms):.4g} deg"
+        for other in result.components
+    ]
+    return "\n".join(lines)
+
+
+def _outliers(result: Estimate) -> list[str]:
+    """Sightings that the map does not explain."""
+    wrong = np.flatnonzero(outliers(result))
+    if len(wrong) == 0:
+        return []
+    seen, degrees = result.sightings, np.degrees(per_sighting(result, result.residuals))
+    views, landmarks = result.view_ids or range(len(result.poses)), result.landmark_ids or range(len(result.landmarks))
+    lines = [f"{len(wrong)} outlier{'s' if len(wrong) > 1 else ''} among the bearings:"]
+    lines += [
+        f"  view {printable(views[seen.view[k]])} of landmark {printable(landmarks[seen.landmark[k]])}: "
+        f"{degrees[k]:.4g} deg off"
+        for k in wrong[:SHOWN].tolist()
+    ]
+    return lines if len(wrong) <= SHOWN else [*lines, f"  ... and {len(wrong) - SHOWN} more"]
+
+
+def errors(result: Estimate, truth: Map) -> str:
+    """Errors of a map after alignment with the truth, on one line."""
+    found = compare(result, truth)
+    parts = []
+    known = np.isfinite(result.landmarks + truth.landmarks).all(axis=1).sum()
+    if known:
+        share = f" ({percent(found.landmark / found.radius)} of the radius of the map)" if found.radius > 0 else ""
+        parts.append(f"{known} landmarks {found.landmark:.4g} rms{share}")
+    places = np.isfinite(result.poses[:, :2] + truth.poses[:, :2]).all(axis=1).sum()
+    if places:
+        parts.append(f"{places} positions {found.position:.4g} rms")
+    if not math.isnan(found.heading):
+        parts.append(f"headings {math.degrees(found.heading):.4g} deg rms")
+    return f"errors after alignment with the truth: {', '.join(parts)}"
+
+
+def residuals_over_sigma(result: Estimate) -> float:
+    """Ratio of the residuals to what their standard deviations predict, outliers apart.
+
+    NaN without degrees of freedom to judge by, or without standard deviations.
+    """
+    sigma = result.sightings.sigma
+    if sigma is None or (sigma == 1.0).all():
+        return math.nan
+    wrong = int(outliers(result).sum())
+    # An outlier contributes the square of three standard deviations.
+    squares = 2.0 * result.cost - 9.0 * wrong
+    return math.sqrt(max(squares, 0.0) / result.freedom) if result.freedom > 0 else math.nan
+
+
+def listing(result: Estimate) -> str:
+    """The map as a table: views, then landmarks."""
+    views = result.view_ids or range(len(result.poses))
+    landmarks = result.landmark_ids or range(len(result.landmarks))
+    degrees = np.column_stack([result.poses[:, :2], np.degrees(result.poses[:, 2])])
+    return "\n\n".join(
+        (
+            _table(("view", "x", "y", "heading [deg]"), views, degrees.tolist()),
+            _table(("landmark", "x", "y"), landmarks, result.landmarks.tolist()),
+        )
+    )
+
+
+def columns(rows: Iterable[Sequence[str]]) -> str:
+    """Rows of text as a table: the first column to the left, the others to the right."""
+    table = [tuple(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = []
+    for first, *others in table:
+        cells = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([first.ljust(widths[0]), *cells]).rstrip())
+    return "\n".join(lines)
+
+
+def percent(share: float) -> str:
+    """A share in percent, to two significant digits."""
+    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+
+
+def _table(head: Sequence[str], names: Sequence[object], values: Sequence[Sequence[float]]) -> str:
+    rows = [(printable(name), *(f"{value:.4f}" for value in row)) for name, row in zip(names, values, strict=True)]
+    text = columns([head, *rows[:SHOWN]])
+    return text if len(rows) <= SHOWN else f"{text}\n... and {len(rows) - SHOWN} more"

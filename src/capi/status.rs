@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The codes that calls from C return, and a sentence for each.
+
+use crate::error::Error;
+use core::ffi::{CStr, c_int};
+
+/// What became of a call.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BearslamStatus {
+    /// All is written.
+    Ok = 0,
+    /// A pointer is null.
+    NullPointer,
+    /// A pointer is not aligned for what it points at.
+    Misaligned,
+    /// Fewer views or landmarks than the call needs.
+    TooFew,
+    /// More views, landmarks or rounds than the call can take.
+    TooLarge,
+    /// A number is infinite, or NaN where that means nothing.
+    NotFinite,
+    /// The standard deviation is not positive, or the tolerance is negative.
+    NotPositive,
+    /// No such method.
+    UnknownMethod,
+    /// The memory is smaller than `bearslam_refine_size` says.
+    MemoryTooSmall,
+    /// The data do not determine the answer.
+    Degenerate,
+    /// The iterations ran out before the minimum; all is written.
+    NotConverged,
+    /// An error of the library that its calls from C should not meet.
+    Unexpected,
+}
+
+impl BearslamStatus {
+    const ALL: [(Self, &CStr); 12] = [
+        (Self::Ok, c"all is written"),
+        (Self::NullPointer, c"a pointer is null"),
+        (
+            Self::Misaligned,
+            c"a pointer is not aligned for what it points at",
+        ),
+        (
+            Self::TooFew,
+            c"fewer views or landmarks than the call needs",
+        ),
+        (
+            Self::TooLarge,
+            c"more views, landmarks or rounds than the call can take",
+        ),
+        (
+            Self::NotFinite,
+            c"a number is infinite, or NaN where that means nothing",
+        ),
+        (
+            Self::NotPositive,
+            c"the standard deviation is not positive, or the tolerance is negative",
+        ),
+        (Self::UnknownMethod, c"no such method"),
+        (
+            Self::MemoryTooSmall,
+            c"the memory is smaller than bearslam_refine_size says",
+        ),
+        (Self::Degenerate, c"the data do not determine the answer"),
+        (
+            Self::NotConverged,
+            c"the iterations ran out before the minimum; all is written",
+        ),
+        (
+            Self::Unexpected,
+            c"an error of the library that its calls from C should not meet",
+        ),
+    ];
+}
+
+impl From<Error> for BearslamStatus {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::TooFew { .. } => Self::TooFew,
+            Error::TooLarge { .. } | Error::OutOfRange { .. } => Self::TooLarge,
+            Error::NotFinite { .. } => Self::NotFinite,
+            Error::NotPositive { .. } => Self::NotPositive,
+            Error::Degenerate { .. } => Self::Degenerate,
+            _ => Self::Unexpected,
+        }
+    }
+}
+
+pub(super) type Found<T> = Result<T, BearslamStatus>;
+
+/// The status of what was tried.
+pub(super) fn status(tried: Found<()>) -> BearslamStatus {
+    tried.err().unwrap_or(BearslamStatus::Ok)
+}
+
+/// The explanation of a status by its number.
+pub(super) fn text(status: c_int) -> &'static CStr {
+    let mut all = BearslamStatus::ALL.iter();
+    let known = all.find(|(known, _)| *known as c_int == status);
+    known.map_or(c"no such status", |(_, text)| text)
+}

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The kinds of degeneracy: what was tested, and what would help.
+
+/// Which test the geometry of the data has failed.
+///
+/// The value of [`Error::Degenerate`](super::Error::Degenerate) is the number of [`Degeneracy::quantity`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Degeneracy {
+    /// More than one tensor explains the bearings of three views: the landmarks lie on one cubic curve
+    /// through them, such as a wall or a circle.
+    ThreeViewSystem,
+    /// More than one tensor of the projective method explains the bearings of three views.
+    ProjectiveSystem,
+    /// Two of three views are in one place.
+    CoincidentViews,
+    /// Three views on one line, of which the projective method cannot place the third.
+    CollinearViews,
+    /// A tensor that is zero or not finite.
+    VanishingTensor,
+    /// A tensor under which every bearing is an epipole.
+    VanishingPencil,
+    /// A tensor that no three real views have.
+    ComplexEpipoles,
+    /// Rays that are parallel, or along one line of sight.
+    ParallelRays,
+    /// The landmarks of a view that is to be resected are in one place.
+    CoincidentLandmarks,
+    /// The landmarks of a view that is to be resected lie in one direction.
+    CommonDirection,
+    /// A view on one circle, or one line, with the landmarks that it is to be resected from.
+    AmbiguousResection,
+    /// Points that no similarity brings near others: one set is a single place, or they do not correspond.
+    UncorrelatedPoints,
+    /// A start whose views and landmarks are all in one place.
+    CoincidentStart,
+    /// Exact bearings leave the map free in a direction besides the gauge.
+    FreeMap,
+    /// Odometry and priors leave the frame free in which covariances were asked for.
+    FreeFrame,
+    /// The normal equations of a covariance are singular beyond the free directions.
+    SingularNormalEquations,
+    /// No hypothesis of a map could be refined.
+    NoHypothesis,
+    /// No start along odometry and priors could be refined.
+    NoStart,
+    /// No map has a sighting beyond its unknowns.
+    NoSpareSighting,
+    /// No map has inliers beyond the sample it is made from.
+    NoSupport,
+}
+
+impl Degeneracy {
+    /// The name of the kind in snake case, for programs.
+    pub const fn name(self) -> &'static str {
+        self.texts().0
+    }
+
+    /// The number that was tested.
+    pub const fn quantity(self) -> &'static str {
+        self.texts().1
+    }
+
+    /// What would help.
+    pub const fn advice(self) -> &'static str {
+        self.texts().2
+    }
+
+    /// Name, quantity, advice.
+    const fn texts(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::ThreeViewSystem => (
+                "three_view_system",
+                "second smallest singular value of the three-view system",
+                "add landmarks off their common line or circle, or views from other places",
+            ),
+            Self::ProjectiveSystem => (
+                "projective_system",
+                "second smallest singular value of the projective three-view system",
+                "add landmarks off their common line or conic, or views from other places",
+            ),
+            Self::CoincidentViews => (
+                "coincident_views",
+                "shortest over longest distance between three views",
+                "take views from three different places",
+            ),
+            Self::CollinearViews => (
+                "collinear_views",
+                "sine of the angle between the epipoles that place the third view",
+                "take a view off the line of the others, or use the calibrated method",
+            ),
+            Self::VanishingTensor => (
+                "vanishing_tensor",
+                "norm of the tensor",
+                "give finite entries that are not all zero",
+            ),
+            Self::VanishingPencil => (
+                "vanishing_pencil",
+                "pencil of the intrinsic homographies",
+                "take views from different places",
+            ),
+            Self::ComplexEpipoles => (
+                "complex_epipoles",
+                "discriminant of the epipoles (complex eigenvalues)",
+                "measure more exactly, add landmarks, or use the calibrated method",
+            ),
+            Self::ParallelRays => (
+                "parallel_rays",
+                "parallax of the rays",
+                "add a view that sees the landmark from the side",
+            ),
+            Self::CoincidentLandmarks => (
+                "coincident_landmarks",
+                "spread of the landmarks",
+                "add landmarks in other places",
+            ),
+            Self::CommonDirection => (
+                "common_direction",
+                "spread of the bearings",
+                "add landmarks in other directions",
+            ),
+            Self::AmbiguousResection => (
+                "ambiguous_resection",
+                "misfit of the worst rotation in the resection",
+                "add a landmark off the line or circle through the view and the others",
+            ),
+            Self::UncorrelatedPoints => (
+                "uncorrelated_points",
+                "correlation of the points to align",
+                "give points that correspond, in at least two places of either frame",
+            ),
+            Self::CoincidentStart => (
+                "coincident_start",
+                "extent of the start",
+                "start from views and landmarks in different places",
+            ),
+            Self::FreeMap => (
+                "free_map",
+                "sensitivity of the map to bearing noise, in map sizes per radian,",
+                "add landmarks off their common line or circle, or views from other places",
+            ),
+            Self::FreeFrame => (
+                "free_frame",
+                "number of directions of the whole that odometry and priors leave free",
+                "add priors that fix position, heading and scale, or ask for another frame",
+            ),
+            Self::SingularNormalEquations => (
+                "singular_normal_equations",
+                "pivot of the normal equations",
+                "add sightings or priors of what the map leaves free",
+            ),
+            Self::NoHypothesis => (
+                "no_hypothesis",
+                "number of hypotheses that could be refined",
+                "add landmarks that several views see, off their common line or circle, or views from other places",
+            ),
+            Self::NoStart => (
+                "no_start",
+                "number of starts that could be refined",
+                "check the odometry and its standard deviations, and add sightings",
+            ),
+            Self::NoSpareSighting => (
+                "no_spare_sighting",
+                "number of maps with a sighting to spare",
+                "add sightings of landmarks that several views share",
+            ),
+            Self::NoSupport => (
+                "no_support",
+                "number of maps that more than a sample agrees with",
+                "check sigma, and add sightings",
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    extern crate alloc;
+
+    #[test]
+    fn names_are_those_of_the_variants() {
+        for kind in [
+            Degeneracy::ThreeViewSystem,
+            Degeneracy::ProjectiveSystem,
+            Degeneracy::CoincidentViews,
+            Degeneracy::CollinearViews,
+            Degeneracy::VanishingTensor,
+            Degeneracy::VanishingPencil,
+            Degeneracy::ComplexEpipoles,
+            Degeneracy::ParallelRays,
+            Degeneracy::CoincidentLandmarks,
+            Degeneracy::CommonDirection,
+            Degeneracy::AmbiguousResection,
+            Degeneracy::UncorrelatedPoints,
+            Degeneracy::CoincidentStart,
+            Degeneracy::FreeMap,
+            Degeneracy::FreeFrame,
+            Degeneracy::SingularNormalEquations,
+            Degeneracy::NoHypothesis,
+            Degeneracy::NoStart,
+            Degeneracy::NoSpareSighting,
+            Degeneracy::NoSupport,
+        ] {
+            let camel: alloc::string::String = kind
+                .name()
+                .split('_')
+                .map(|word| word[..1].to_uppercase() + &word[1..])
+                .collect();
+            assert_eq!(camel, alloc::format!("{kind:?}"));
+        }
+    }
+}

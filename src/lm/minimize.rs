@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Levenberg-Marquardt, the one loop of this crate.
+//!
+//! Minimises `F(z) = 1/2 |r(z)|^2`, with a robust [`Loss`](super::Loss) `1/2 sum rho(r_k^2)`. At the estimate
+//! the residuals are linearised, `r(z + d) = r + J d`, and the step `d` solves the normal equations with
+//! their diagonal grown by the damping `l`, (T13):
+//!
+//! ```text
+//! (J^T J + l diag(J^T J)) d = -J^T r
+//! ```
+//!
+//! With `l = 0` this is the step of Gauss-Newton; the larger `l` is, the shorter the step and the nearer to
+//! the steepest descent of the cost in parameters scaled by their own information. So `l` has no
+//! unit. It follows the ratio (T15) of what a step gains to what the linear model predicts:
+//!
+//! | the step | is | and the damping |
+//! |---|---|---|
+//! | gains more than 3/4 of the prediction | accepted | falls to a tenth |
+//! | gains at least a quarter | accepted | stays |
+//! | gains less | accepted | grows fourfold |
+//! | gains nothing, or cannot be solved for | rejected | grows tenfold |
+//!
+//! The descent has converged when a gain, or the next one as foreseen, is below the tolerance, or when not
+//! even the model predicts more. A gain that grows while the damping shrinks means that damping still
+//! limits the step: then it has not.
+//!
+//! The loop knows nothing of poses, landmarks and matrices: a [`LeastSquares`] problem has those. It uses no
+//! heap and cannot panic.
+//!
+//! # Reference
+//! K. Madsen, H. Nielsen, O. Tingleff, "Methods for non-linear least squares problems", 2004, section 3.2.
+
+use super::options::{
+    AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
+    MAX_DAMPING, MIN_RAISED_DAMPING, POOR_STEP, RefineOptions, ZERO_RESIDUAL_EPS,
+};
+use super::termination::Termination;
+use crate::error::Error;
+use crate::scalar::Real;
+
+/// A problem that holds an estimate, and proposes steps from it.
+pub trait LeastSquares<T: Real> {
+    /// The cost of the estimate.
+    fn cost(&self) -> T;
+
+    /// Solves for the step at a damping and evaluates the estimate after it, the trial.
+    ///
+    /// `None` when the damped normal equations are not positive definite.
+    fn try_step(&mut self, damping: T) -> Option<Trial<T>>;
+
+    /// Makes the last trial the estimate.
+    fn accept(&mut self);
+
+    /// Drops the last trial. Not called when the loop ends with it.
+    fn reject(&mut self);
+
+    /// The cost of residuals that are rounding, see [`rounding`].
+    fn rounding(&self) -> T;
+
+    /// Whether damping keeps away from where it has just been refused: in a long valley every other step
+    /// would be wasted there.
+    fn keeps_refused_damping(&self) -> bool {
+        false
+    }
+
+    /// Whether the loop is to stop at the estimate just accepted, so that the caller can change the problem
+    /// and go on.
+    fn wants_pause(&mut self) -> bool {
+        false
+    }
+}
+
+/// The estimate after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trial<T: Real> {
+    /// Its cost.
+    pub cost: T,
+    /// By how much the model of the problem expects the cost to fall.
+    pub predicted: T,
+}
+
+/// What a refinement did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome<T: Real = f64> {
+    /// How it ended; [`Termination::MaxIterations`] also where the problem wanted a pause.
+    pub termination: Termination,
+    /// Half the sum of the losses of residuals over sigma.
+    pub cost: T,
+    /// Linear systems solved.
+    pub iterations: usize,
+}
+
+/// Descends from the estimate of a problem to a minimum of its cost.
+///
+/// `observer` is called before each iteration with the number of those done and the cost; `false`
+/// stops the work.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `observer` says so.
+pub fn minimize<T: Real>(
+    problem: &mut impl LeastSquares<T>,
+    options: &RefineOptions<T>,
+    mut observer: impl FnMut(usize, T) -> bool,
+) -> Result<Outcome<T>, Error> {
+    let zero = T::zero();
+    let tolerance = options.tolerance;
+    let gauss_newton = options.damping <= zero;
+    let rounding = problem.rounding();
+    let mut cost = problem.cost();
+    let mut iterations = 0;
+    let mut damping = options.damping;
+    let mut last_gain = zero;
+    // The damping at which the last step was rejected, for a problem that keeps it.
+    let mut refused = zero;
+    let termination = loop {
+        if cost <= rounding {
+            break Termination::ZeroResidual;
+        }
+        if iterations >= options.max_iterations {
+            break Termination::MaxIterations;
+        }
+        if !observer(iterations, cost) {
+            return Err(Error::Interrupted);
+        }
+        iterations += 1;
+        match problem.try_step(damping) {
+            Some(Trial {
+                cost: lower,
+                predicted,
+            }) if lower < cost => {
+                let gained = cost - lower;
+                cost = lower;
+                problem.accept();
+                // Near the minimum each gain is a small, shrinking part of the one before: what is
+                // left to gain is at most the next one.
+                let rate = gained / last_gain;
+                let left = if rate < T::lit(CONVERGING) {
+                    gained * rate
+                } else {
+                    gained
+                };
+                if left <= tolerance * cost && gained <= last_gain {
+                    break Termination::Converged;
+                }
+                if problem.wants_pause() {
+                    break Termination::MaxIterations;
+                }
+                last_gain = gained;
+                let ratio = gained / predicted;
+                if ratio > T::lit(GOOD_STEP) {
+                    let less = damping * T::lit(AFTER_GOOD_STEP);
+                    if less > refused {
+                        damping = less;
+                    } else {
+                        damping = (damping * refused).sqrt();
+                        refused *= T::lit(FORGET_REFUSED);
+                    }
+                } else if ratio < T::lit(POOR_STEP) {
+                    damping *= T::lit(AFTER_POOR_STEP);
+                }
+                continue;
+            }
+            Some(trial) if trial.predicted <= tolerance * cost => break Termination::Converged,
+            Some(_) => problem.reject(),
+            None if gauss_newton => break Termination::Singular,
+            None => {}
+        }
+        if gauss_newton || damping > T::lit(MAX_DAMPING) {
+            break Termination::NoProgress;
+        }
+        if problem.keeps_refused_damping() {
+            refused = damping;
+        }
+        damping = (damping * T::lit(AFTER_REFUSED_STEP)).max(T::lit(MIN_RAISED_DAMPING));
+    };
+    Ok(Outcome {
+        termination,
+        cost,
+        iterations,
+    })
+}
+
+/// The cost of residuals that are rounding, from one over sigma of each sighting.
+#[inline]
+pub fn rounding<T: Real>(weights: impl Iterator<Item = T>) -> T {
+    let angle = T::lit(ZERO_RESIDUAL_EPS) * T::eps();
+    let squares = weights.fold(T::zero(), |sum, weight| {
+        sum + (weight * angle) * (weight * angle)
+    });
+    squares * T::lit(0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley: residuals `10 (y - x^2)` and `1 - x`.
+    struct Valley {
+        at: [f64; 2],
+        trial: [f64; 2],
+        accepted: usize,
+        rejected: usize,
+        pauses_after: usize,
+    }
+
+    impl Valley {
+        fn residuals([x, y]: [f64; 2]) -> [f64; 2] {
+            [10.0 * (y - x * x), 1.0 - x]
+        }
+
+        fn cost_at(place: [f64; 2]) -> f64 {
+            let [a, b] = Self::residuals(place);
+            0.5 * (a * a + b * b)
+        }
+
+        fn from(at: [f64; 2]) -> Self {
+            Self {
+                at,
+                trial: at,
+                accepted: 0,
+                rejected: 0,
+                pauses_after: usize::MAX,
+            }
+        }
+    }
+
+    impl LeastSquares<f64> for Valley {
+        fn cost(&self) -> f64 {
+            Self::cost_at(self.at)
+        }
+
+        fn try_step(&mut self, damping: f64) -> Option<Trial<f64>> {
+            let [x, y] = self.at;
+            let [a, b] = Self::residuals(self.at);
+            // Rows of the Jacobian: (-20 x, 10) and (-1, 0).
+            let (xx, xy, yy) = (400.0 * x * x + 1.0, -200.0 * x, 100.0);
+            let (gx, gy) = (-20.0 * x * a - b, 10.0 * a);
+            let (dxx, dyy) = (xx * (1.0 + damping), yy * (1.0 + damping));
+            let determinant = dxx * dyy - xy * xy;
+            let dx = (xy * gy - dyy * gx) / determinant;
+            let dy = (xy * gx - dxx * gy) / determinant;
+            self.trial = [x + dx, y + dy];
+            let linear = [a - 20.0 * x * dx + 10.0 * dy, b - dx];
+            Some(Trial {
+                cost: Self::cost_at(self.trial),
+                predicted: self.cost() - 0.5 * (linear[0] * linear[0] + linear[1] * linear[1]),
+            })
+        }
+
+        fn accept(&mut self) {
+            self.at = self.trial;
+            self.accepted += 1;
+        }
+
+        fn reject(&mut self) {
+            self.rejected += 1;
+        }
+
+        fn rounding(&self) -> f64 {
+            rounding([1.0; 2].into_iter())
+        }
+
+        fn wants_pause(&mut self) -> bool {
+            self.accepted == self.pauses_after
+        }
+    }
+
+    #[test]
+    fn it_follows_a_valley_to_its_end() {
+        let mut valley = Valley::from([-1.2, 1.0]);
+        let mut costs = [f64::INFINITY; 101];
+        let observer = |iteration: usize, cost| {
+            costs[iteration] = cost;
+            true
+        };
+        let outcome = minimize(&mut valley, &RefineOptions::default(), observer).unwrap();
+        assert!(outcome.termination.was_successful(), "{outcome:?}");
+        assert!(outcome.cost < 1e-20 && (valley.at[0] - 1.0).abs() < 1e-9);
+        assert_eq!(outcome.cost, valley.cost());
+        assert!(valley.rejected > 0 && valley.accepted + valley.rejected <= outcome.iterations);
+        let seen = &costs[..outcome.iterations];
+        assert!(seen.windows(2).all(|pair| pair[1] <= pair[0]));
+    }
+
+    #[test]
+    fn it_ends_where_it_is_told() {
+        let options = RefineOptions {
+            max_iterations: 3,
+            ..RefineOptions::default()
+        };
+        let outcome = minimize(&mut Valley::from([-1.2, 1.0]), &options, |_, _| true).unwrap();
+        assert_eq!(
+            (outcome.termination, outcome.iterations),
+            (Termination::MaxIterations, 3)
+        );
+        let found = minimize(&mut Valley::from([-1.2, 1.0]), &options, |done, _| done < 2);
+        assert_eq!(found, Err(Error::Interrupted));
+
+        let mut paused = Valley::from([-1.2, 1.0]);
+        paused.pauses_after = 2;
+        let outcome = minimize(&mut paused, &RefineOptions::default(), |_, _| true).unwrap();
+        assert_eq!(paused.accepted, 2);
+        assert_eq!(outcome.cost, paused.cost());
+
+        // Already there.
+        let outcome = minimize(
+            &mut Valley::from([1.0, 1.0]),
+            &RefineOptions::default(),
+            |_, _| true,
+        );
+        let outcome = outcome.unwrap();
+        assert_eq!(
+            (outcome.termination, outcome.iterations),
+            (Termination::ZeroResidual, 0)
+        );
+    }
+
+    #[test]
+    fn without_damping_it_is_gauss_newton() {
+        // The full step from here goes up: (-1.2, 1) to (1, -3.84).
+        let options = RefineOptions {
+            damping: 0.0,
+            ..RefineOptions::default()
+        };
+        let outcome = minimize(&mut Valley::from([-1.2, 1.0]), &options, |_, _| true).unwrap();
+        assert_eq!(
+            (outcome.termination, outcome.iterations),
+            (Termination::NoProgress, 1)
+        );
+    }
+}

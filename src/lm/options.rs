@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What a caller may choose about a refinement, and the thresholds of Levenberg-Marquardt that are fixed.
+
+use super::loss::Loss;
+use crate::scalar::Real;
+
+/// Options of a refinement, on the heap or in fixed storage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefineOptions<T: Real = f64> {
+    /// Most linear systems to solve: what bounds the time. Good starts converge within ten; the default
+    /// of 100 is for those along a long valley.
+    pub max_iterations: usize,
+    /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
+    /// steps, ending when one does not lower the cost. Not sensitive: the damping follows the steps.
+    pub damping: T,
+    /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
+    /// this part of it. The cost is quadratic around its minimum: 1e-10 of it is 1e-5 of a standard
+    /// deviation of the map.
+    pub tolerance: T,
+    /// How much a residual counts.
+    pub loss: Loss<T>,
+}
+
+impl<T: Real> Default for RefineOptions<T> {
+    fn default() -> Self {
+        Self {
+            max_iterations: 100,
+            damping: T::lit(1e-4),
+            tolerance: T::lit(1e-10).max(T::eps()),
+            loss: Loss::Squared,
+        }
+    }
+}
+
+/// A step that gains more than this part of what the linear model predicts is a good one: the model is
+/// trusted further. With [`POOR_STEP`] the values of Madsen et al., section 2.4 (Marquardt's ratio).
+pub const GOOD_STEP: f64 = 0.75;
+
+/// A step that gains less than this part of the prediction is a poor one: it is taken, and the model is
+/// trusted less.
+pub const POOR_STEP: f64 = 0.25;
+
+/// Factor of the damping after a good step.
+pub const AFTER_GOOD_STEP: f64 = 0.1;
+
+/// Factor of the damping after a poor step; less than [`AFTER_REFUSED_STEP`], because the step has
+/// lowered the cost.
+pub const AFTER_POOR_STEP: f64 = 4.0;
+
+/// Factor of the damping after a step that has been refused, which undoes [`AFTER_GOOD_STEP`].
+pub const AFTER_REFUSED_STEP: f64 = 10.0;
+
+/// Damping after a refused step, at least: below it many steps would be refused before one is shorter.
+pub const MIN_RAISED_DAMPING: f64 = 1e-5;
+
+/// Damping beyond which a step is too small to be one: 1e-8 of what a parameter would move by itself.
+pub const MAX_DAMPING: f64 = 1e8;
+
+/// Ratio of successive gains below which the descent converges so fast that the next gain is foreseen:
+/// that of a quadratic cost under a good model.
+pub const CONVERGING: f64 = 0.05;
+
+/// What is left of the damping that is remembered as refused once one between has been chosen: the next
+/// steps may need less.
+pub const FORGET_REFUSED: f64 = 0.3;
+
+/// Residuals of this many units of rounding \[rad\] are zero: what an exact map leaves after the few
+/// operations of a residual.
+pub const ZERO_RESIDUAL_EPS: f64 = 8.0;
