@@ -6,7 +6,7 @@
 //! all widths and the refinement started at the truth, by more than 1e-5 of it.
 
 use bearslam::{
-    Arena, Cell, Layout, Problem, RefineOptions, Search, SolveOptions, Strategy, refine, simulate,
+    Arena, Cell, Layout, Problem, RefineOptions, SearchOptions, SolveOptions, refine, simulate,
     solve,
 };
 use rayon::prelude::*;
@@ -103,12 +103,12 @@ fn contest((cell, seed): &(Cell, u64)) -> Vec<(bool, f64)> {
     let truth = refine(&problem, &scene.map(), &RefineOptions::default(), None);
     let runs = WIDTHS.map(|[triples, grown, candidates, swept]| {
         let options = SolveOptions {
-            strategy: Strategy::Search(Search {
+            search: SearchOptions {
                 triples,
                 grown,
                 candidates,
                 swept,
-            }),
+            },
             ..SolveOptions::default()
         };
         let begin = Instant::now();

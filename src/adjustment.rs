@@ -15,5 +15,5 @@ pub(crate) mod schur;
 mod sparse;
 
 pub(crate) use align_to_priors::fitted;
-pub use refine::{Report, Watch, refine_map};
+pub use refine::{Report, refine_map};
 pub(crate) use refine::{cost, cost_of_ties};

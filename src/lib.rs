@@ -81,7 +81,7 @@ mod sweep;
 mod uncertainty;
 
 #[cfg(feature = "alloc")]
-pub use adjustment::{Report, Watch, refine_map};
+pub use adjustment::{Report, refine_map};
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
@@ -96,7 +96,7 @@ pub use kernels::{
     TrifocalTensor, Triple, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
     resect, three_view, three_view_with_landmarks, triangulate, trifocal_tensor,
 };
-pub use lm::{Loss, Outcome, RefineOptions, Termination};
+pub use lm::{Loss, Observer, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{
     LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Seen, Sighting, Subject, Undetermined,
@@ -104,7 +104,7 @@ pub use problem::{
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Progress, Reconstruction, Search, SolveOptions, Strategy, initialize, refine, solve,
+    Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize, refine, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]

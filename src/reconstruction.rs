@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps of many views from nothing.
 
+mod attempt;
 pub(crate) mod global;
 pub(crate) mod grow;
 mod incremental;
@@ -14,6 +15,6 @@ pub(crate) mod search;
 mod solve;
 pub(crate) mod strategy;
 
-pub use options::{Progress, Search, SolveOptions, Strategy};
+pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};

@@ -2,9 +2,8 @@
 //! A bundle on its way to the minimum, whatever solves for its steps.
 
 use super::bundle::{Bundle, Rows};
-use super::refine::Watch;
 use crate::error::Error;
-use crate::lm::{LeastSquares, RefineOptions, Termination, Trial, minimize, rounding};
+use crate::lm::{LeastSquares, Observer, RefineOptions, Termination, Trial, minimize, rounding};
 use crate::problem::Problem;
 
 /// What solves for the steps of a bundle.
@@ -47,7 +46,7 @@ pub struct BundleAdjustment<'a, 'w> {
     pub cost: f64,
     /// Linear systems solved.
     pub iterations: usize,
-    watch: Option<Watch<'w>>,
+    observer: Option<Observer<'w>>,
     /// The bundle after a step.
     trial: Bundle,
     trial_rows: Rows,
@@ -60,7 +59,7 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
     pub fn new(
         problem: &'a Problem,
         options: &'a RefineOptions,
-        watch: Option<Watch<'w>>,
+        observer: Option<Observer<'w>>,
         bundle: Bundle,
     ) -> Result<Self, Error> {
         let mut rows = Rows::of(problem);
@@ -78,7 +77,7 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
         Ok(Self {
             problem,
             options,
-            watch,
+            observer,
             trial: bundle.clone(),
             bundle,
             trial_rows: Rows::of(problem),
@@ -98,7 +97,7 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
     /// Descends until it ends, the solver wants a pause, or the iterations in all reach `limit`.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when the watch says so.
+    /// [`Error::Interrupted`] when the observer says so.
     pub fn run(
         &mut self,
         solver: &mut impl StepSolver,
@@ -109,17 +108,17 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
             max_iterations: limit.saturating_sub(before),
             ..*self.options
         };
-        let mut watch = self.watch.take();
+        let mut observer = self.observer.take();
         let mut stepped = Stepped {
             adjustment: self,
             solver,
         };
         let outcome = minimize(&mut stepped, &options, |done, cost| {
-            watch
+            observer
                 .as_mut()
-                .is_none_or(|watch| watch(before + done, cost))
+                .is_none_or(|observer| observer(before + done, cost))
         });
-        self.watch = watch;
+        self.observer = observer;
         let outcome = outcome?;
         self.iterations += outcome.iterations;
         Ok(outcome.termination)

@@ -492,7 +492,7 @@ mod tests {
 
     /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
     fn setting(problem: &Problem) -> (Bundle, Newton<'_>) {
-        let far = horizon();
+        let far = horizon::<f64>();
         let bundle = Bundle {
             poses: [(0.1, 0.2, 0.3), (2.0, -1.0, 2.5), (-0.7, 0.9, -1.1)]
                 .map(|(x, y, theta)| pose(x, y, theta))

@@ -9,7 +9,7 @@ use super::normal::Normal;
 use super::prior_rows::linearize;
 use super::schur::{Grouped, Schur};
 use crate::error::Error;
-use crate::lm::{Loss, RefineOptions, Termination};
+use crate::lm::{Loss, Observer, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
@@ -29,9 +29,6 @@ pub struct Report {
     pub loss: Loss,
 }
 
-/// Called once per iteration with the number of iterations and the cost; `false` stops the work.
-pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
-
 /// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
 ///
 /// Views and landmarks without a value are left out, as are those that the rest does not fix; they
@@ -42,7 +39,7 @@ pub type Watch<'a> = &'a mut dyn FnMut(usize, f64) -> bool;
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
 /// three sightings are left, [`Error::NotFinite`] when the start is not finite,
 /// [`Error::Degenerate`] when it is a single place, [`Error::OutOfMemory`] when it does not hold the
-/// normal equations, [`Error::Interrupted`] when `watch` says so.
+/// normal equations, [`Error::Interrupted`] when `observer` says so.
 ///
 /// # Reference
 /// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
@@ -51,7 +48,7 @@ pub fn refine_map(
     problem: &Problem,
     map: &mut Map,
     options: &RefineOptions,
-    watch: Option<Watch<'_>>,
+    observer: Option<Observer<'_>>,
 ) -> Result<Report, Error> {
     map.check_size(problem)?;
     let undetermined = map.prune(problem);
@@ -81,7 +78,7 @@ pub fn refine_map(
         scaled = active.scaled(1.0 / unit);
         &scaled
     };
-    let mut adjustment = BundleAdjustment::new(active, options, watch, bundle)?;
+    let mut adjustment = BundleAdjustment::new(active, options, observer, bundle)?;
     let termination = if is_sparse(active) {
         minimize_sparse(&mut adjustment)?
     } else if keeps_landmarks(active) {

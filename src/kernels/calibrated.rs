@@ -4,11 +4,10 @@
 //! Symbols as in `docs/theory.md`, section 2: bearings a, b, c as unit complex numbers
 //! u, v, w in views 0, 1, 2; coefficients A, B, C.
 
-use super::gram;
 use super::lanes::{ComplexLanes, Lanes};
 use super::null_vector_5x6::null_vector_5x6;
 use super::triangular::TriangularFactor;
-use super::{TrifocalTensor, Triple};
+use super::{TrifocalTensor, Triple, gram};
 use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::{Complex, Vector6};

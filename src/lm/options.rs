@@ -67,3 +67,6 @@ pub const FORGET_REFUSED: f64 = 0.3;
 /// Residuals of this many units of rounding \[rad\] are zero: what an exact map leaves after the few
 /// operations of a residual.
 pub const ZERO_RESIDUAL_EPS: f64 = 8.0;
+
+/// Called once per iteration with the number of iterations and the cost; `false` stops the work.
+pub type Observer<'a> = &'a mut dyn FnMut(usize, f64) -> bool;

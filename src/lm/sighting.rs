@@ -112,6 +112,7 @@ impl<T: Real> BearingRow<T> {
     }
 
     /// Derivative with respect to the pose `(x, y, theta)`.
+    #[cfg(feature = "alloc")]
     #[inline]
     pub fn pose(&self) -> [T; 3] {
         [-self.gradient.x, -self.gradient.y, -self.weight]

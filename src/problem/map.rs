@@ -2,7 +2,7 @@
 //! Poses and landmarks, some of which may be undetermined.
 
 use super::priors::Tie;
-use super::problem::Problem;
+use super::problem::{Problem, Seen};
 use super::subject::{Subject, Undetermined, Why};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
@@ -198,22 +198,36 @@ impl Map {
             .collect()
     }
 
+    /// The determined views that see a landmark, with the sightings: rays to triangulate it from.
+    pub(crate) fn rays<'a>(
+        &'a self,
+        problem: &'a Problem,
+        landmark: usize,
+    ) -> impl Iterator<Item = (Pose<f64>, &'a Seen)> + Clone {
+        problem.of_landmark(landmark).iter().filter_map(move |&k| {
+            let s = &problem.sightings()[k];
+            self.poses[s.view].map(|pose| (pose, s))
+        })
+    }
+
+    /// The determined landmarks that a view sees, with the sightings: points to resect it from.
+    pub(crate) fn seen<'a>(
+        &'a self,
+        problem: &'a Problem,
+        view: usize,
+    ) -> impl Iterator<Item = (Point2<f64>, &'a Seen)> + Clone {
+        let seen = problem.of_view(view).iter();
+        seen.filter_map(move |s| self.landmarks[s.landmark].map(|point| (point, s)))
+    }
+
     /// How many determined landmarks a view sees.
     pub(crate) fn connections_of_view(&self, problem: &Problem, view: usize) -> usize {
-        problem
-            .of_view(view)
-            .iter()
-            .filter(|s| self.landmarks[s.landmark].is_some())
-            .count()
+        self.seen(problem, view).count()
     }
 
     /// How many determined views see a landmark.
     pub(crate) fn connections_of_landmark(&self, problem: &Problem, landmark: usize) -> usize {
-        problem
-            .of_landmark(landmark)
-            .iter()
-            .filter(|&&k| self.poses[problem.sightings()[k].view].is_some())
-            .count()
+        self.rays(problem, landmark).count()
     }
 }
 

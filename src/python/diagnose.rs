@@ -2,7 +2,7 @@
 //! The diagnosis as arrays and numbers.
 
 use super::convert::{self, Floats};
-use super::observer::Observer;
+use super::observer::InterpreterObserver;
 use super::reconstruction::subject;
 use super::request::Request;
 use crate::{Diagnosis, Finding, NullDirection, Part};
@@ -72,7 +72,7 @@ pub fn diagnose<'py>(
         (Some(poses), Some(landmarks)) => Some(convert::map(py, &poses, &landmarks)?),
         _ => None,
     };
-    let found = Observer::run(py, progress, |watch| {
+    let found = InterpreterObserver::run(py, progress, |watch| {
         crate::diagnose(&problem, map.as_ref(), Some(watch))
     })?;
     Ok(RawDiagnosis::of(py, &found))

@@ -11,13 +11,13 @@ use std::time::Instant;
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// Looks at signals and reports progress now and then.
-pub struct Observer {
+pub struct InterpreterObserver {
     progress: Option<Py<PyAny>>,
     last: Instant,
     raised: Option<PyErr>,
 }
 
-impl Observer {
+impl InterpreterObserver {
     /// Runs work without the interpreter; an exception raised meanwhile (a signal handler's, the
     /// progress function's) ends the work and is passed on.
     pub fn run<R: Send>(

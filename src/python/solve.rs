@@ -3,12 +3,12 @@
 
 use super::convert::{self, Floats};
 use super::errors;
-use super::observer::Observer;
+use super::observer::InterpreterObserver;
 use super::reconstruction::{self, RawReconstruction};
 use super::request::Request;
 use crate::{
-    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, Search, SolveOptions,
-    Strategy,
+    Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, SearchOptions,
+    SolveOptions, Strategy,
 };
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -54,7 +54,7 @@ pub struct Defaults {
 
 #[pyfunction]
 pub fn defaults() -> Defaults {
-    let (search, refine) = (Search::default(), RefineOptions::default());
+    let (search, refine) = (SearchOptions::default(), RefineOptions::default());
     Defaults {
         search: RawSearch {
             triples: search.triples,
@@ -80,7 +80,7 @@ pub fn initialize<'py>(
 ) -> PyResult<Vec<RawReconstruction<'py>>> {
     let problem = request.read(py)?;
     let options = settings.read(py)?;
-    let found = Observer::run(py, progress, |watch| {
+    let found = InterpreterObserver::run(py, progress, |watch| {
         crate::initialize(&problem, &options, Some(watch))
     })?;
     reconstruction::best_with_alternatives(py, &found, None)
@@ -103,7 +103,7 @@ pub fn solve<'py>(
     } else {
         options.refine.loss
     };
-    let (found, covariance) = Observer::run(py, progress, |watch| {
+    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::solve(&problem, &options, Some(&mut *watch))?;
         let covariance = wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, watch));
         Ok((found, covariance.transpose()?))
@@ -125,7 +125,7 @@ pub fn refine<'py>(
     let start = convert::map(py, &poses, &landmarks)?;
     let options = settings.refine_options(py)?;
     let wanted = covariance.map(|name| Wanted::of(py, &name)).transpose()?;
-    let (found, covariance) = Observer::run(py, progress, |watch| {
+    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::refine(&problem, &start, &options, Some(&mut *watch))?;
         let covariance =
             wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, watch));
@@ -138,6 +138,12 @@ impl Settings {
     fn read(&self, py: Python<'_>) -> PyResult<SolveOptions> {
         Ok(SolveOptions {
             strategy: self.strategy(py)?,
+            search: SearchOptions {
+                triples: self.search.triples,
+                grown: self.search.grown,
+                candidates: self.search.candidates,
+                swept: self.search.swept,
+            },
             refine: self.refine_options(py)?,
             seed: self.seed,
             robust: self.robust,
@@ -145,19 +151,8 @@ impl Settings {
     }
 
     fn strategy(&self, py: Python<'_>) -> PyResult<Strategy> {
-        let RawSearch {
-            triples,
-            grown,
-            candidates,
-            swept,
-        } = self.search;
         match self.method.as_str() {
-            "search" => Ok(Strategy::Search(Search {
-                triples,
-                grown,
-                candidates,
-                swept,
-            })),
+            "search" => Ok(Strategy::Search),
             "calibrated" => Ok(Strategy::FirstViews(Method::Calibrated { reweights: 1 })),
             "projective" => Ok(Strategy::FirstViews(Method::Projective)),
             "incremental" => Ok(Strategy::Incremental),

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Monte-Carlo sweeps.
 
-use super::convert;
-use super::errors;
 use super::simulate::layout;
+use super::{convert, errors};
 use crate::{Cell, Chunk, Start, Tally};
 use alloc::string::String;
 use alloc::vec::Vec;

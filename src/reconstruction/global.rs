@@ -10,12 +10,12 @@ mod headings;
 mod positions;
 mod relative;
 
-use super::options::{Progress, tell};
+use super::options::{Progress, report_progress};
 use crate::error::Error;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Most views: the systems are dense in the views.
+/// Most views: the systems are dense in the views. No option: a bound of the method, as its error says.
 const MAX_VIEWS: usize = 1024;
 
 /// A map without refinement for each set of views that triples connect, the largest first; none when
@@ -29,7 +29,7 @@ pub fn starts(
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    // The signs of the bearings tell the branches of most triples apart, and which way the system is to go.
+    // The signs of the bearings distinguish the branches of most triples, and give the linear system its direction.
     if !problem.is_oriented() {
         return Err(Error::NeedsOriented {
             what: "the global method",
@@ -47,7 +47,7 @@ pub fn starts(
     let total = problem.views();
     let mut done = 0;
     for group in relative::groups(problem.views(), &relatives) {
-        if !tell(progress, "global", done, total) {
+        if !report_progress(progress, "global", done, total) {
             return Err(Error::Interrupted);
         }
         done += group.len();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From three poses to a map of everything they reach, and what it is worth.
+//! From three poses to a map of everything they reach, and its score.
 
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
@@ -14,31 +14,24 @@ pub fn triangulate_all(problem: &Problem, map: &mut Map) {
 
 /// Triangulates one landmark if at least two determined views see it.
 pub fn triangulate_one(problem: &Problem, map: &mut Map, landmark: usize) {
-    let poses = &map.poses;
-    let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-        let s = &problem.sightings()[k];
-        poses[s.view].map(|pose| (pose, s.bearing))
-    });
+    let rays = map.rays(problem, landmark);
     if rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1).is_some() {
-        map.landmarks[landmark] = triangulate(rays).ok().map(|found| found.point);
+        let found = triangulate(rays.map(|(pose, s)| (pose, s.bearing)));
+        map.landmarks[landmark] = found.ok().map(|found| found.point);
     }
 }
 
 /// The pose of a view from the landmarks that are determined, and how badly it fits.
 pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f64>, f64)> {
-    let sightings = problem
-        .of_view(view)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, s.bearing)));
-    sightings.clone().nth(MIN_LANDMARKS_OF_VIEW - 1)?;
-    resect(sightings)
-        .ok()
-        .map(|found| (found.pose, found.misfit))
+    let seen = map.seen(problem, view);
+    seen.clone().nth(MIN_LANDMARKS_OF_VIEW - 1)?;
+    let found = resect(seen.map(|(point, s)| (point, s.bearing))).ok()?;
+    Some((found.pose, found.misfit))
 }
 
 /// Grows a map from the poses it has, by triangulation and resection in turn, as far as it goes.
 ///
-/// What had its first estimate from few neighbours has it made anew from all once they are known.
+/// Landmarks that were first estimated from few views are estimated anew once more views are known.
 pub fn grow(problem: &Problem, map: &mut Map) {
     triangulate_all(problem, map);
     loop {
@@ -61,7 +54,8 @@ pub fn grow(problem: &Problem, map: &mut Map) {
     }
 }
 
-/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`].
+/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`]. No option: scores are only compared with
+/// each other, and this fixes what they are.
 const HALF_EXPLAINED: f64 = 0.1;
 
 /// The robust cost of a map over all sightings of the problem, between 0 and their number.

@@ -4,14 +4,16 @@
 mod complete;
 mod gates;
 mod growth;
-mod locate;
 mod merge;
+mod options;
+mod place;
 mod seeds;
 
 use super::incremental::complete::finish;
 use super::incremental::growth::Growth;
-use super::incremental::merge::{best, merge, variance, views};
-use super::judge::{SAME_COST, is_plausible, same};
+use super::incremental::merge::{best, merge, views};
+use super::incremental::options::IncrementalOptions;
+use super::judge::{SAME_COST, is_as_good, is_plausible, same, variance};
 use super::options::Progress;
 use super::result::Reconstruction;
 use crate::error::Error;
@@ -20,25 +22,6 @@ use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Seeds that are tried for a map before the best is taken as it is.
-const ATTEMPTS: usize = 12;
-
-/// Iterations that the map of a seed gets at its end: one that has grown well needs two to five, and
-/// what takes more goes on by Newton's method, which is dear.
-const FIRST_ITERATIONS: usize = 8;
-
-/// Most unfinished maps that go on, and by how much their cost per degree of freedom may exceed the
-/// best.
-const MAX_FINISHED: usize = 3;
-const HOPELESS: f64 = 30.0;
-
-/// Views to which both branches of a seed grow before the better goes on.
-const TRIAL: usize = 8;
-
-/// Two branches whose costs per degree of freedom differ by less than this factor after the trial are
-/// both grown to the end.
-const CLEARLY: f64 = 4.0;
-
 /// The maps of all components, refined, the largest first; none when no three views share five
 /// landmarks.
 ///
@@ -46,11 +29,12 @@ const CLEARLY: f64 = 4.0;
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`]; why no triple of views can start a map, when none can.
 pub fn grow(
     problem: &Problem,
-    options: &RefineOptions,
+    refine: &RefineOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
-    let seeds = seeds::seeds(problem, seed)?;
+    let options = &stage_options(refine);
+    let seeds = seeds::seeds(problem, options, seed)?;
     let mut free = vec![true; problem.views()];
     let mut found: Vec<Reconstruction> = Vec::new();
     while let Some(map) = component(problem, options, &seeds, &free, progress)? {
@@ -68,10 +52,11 @@ pub fn grow(
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn finish_all(
     problem: &Problem,
-    options: &RefineOptions,
+    refine: &RefineOptions,
     starts: Vec<Map>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
+    let options = &stage_options(refine);
     let mut free = vec![true; problem.views()];
     for pose in starts.iter().flat_map(|map| map.poses.iter().enumerate()) {
         free[pose.0] &= pose.1.is_none();
@@ -96,12 +81,16 @@ pub fn finish_all(
 /// As [`grow`].
 pub fn first(
     problem: &Problem,
-    options: &RefineOptions,
+    refine: &RefineOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Map>, Error> {
+    let options = &stage_options(refine);
     let free = vec![true; problem.views()];
-    for views in seeds::seeds(problem, seed)?.into_iter().take(ATTEMPTS) {
+    for views in seeds::seeds(problem, options, seed)?
+        .into_iter()
+        .take(options.seeds)
+    {
         if let Some(map) = from_seed(problem, options, views, &free, progress)?
             .into_iter()
             .next()
@@ -112,23 +101,34 @@ pub fn first(
     Ok(None)
 }
 
+/// The options of this stage for those of the refinement.
+fn stage_options(refine: &RefineOptions) -> IncrementalOptions {
+    IncrementalOptions {
+        refine: *refine,
+        ..IncrementalOptions::default()
+    }
+}
+
 /// The best map of views that are free: from several seeds, until one is beyond doubt.
 fn component(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     seeds: &[[usize; 3]],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let mut found: Vec<Reconstruction> = Vec::new();
     let mut unfinished: Vec<Reconstruction> = Vec::new();
-    let first = RefineOptions {
-        max_iterations: options.max_iterations.min(FIRST_ITERATIONS),
+    let first = IncrementalOptions {
+        refine: RefineOptions {
+            max_iterations: options.refine.max_iterations.min(options.first_iterations),
+            ..options.refine
+        },
         ..*options
     };
     // Seeds have no view in common, as far as there are such.
     let mut used = vec![false; problem.views()];
-    for _ in 0..ATTEMPTS {
+    for _ in 0..options.seeds {
         let fresh = |views: &&[usize; 3]| views.iter().all(|&view| free[view] && !used[view]);
         let Some(&views) = seeds.iter().find(fresh) else {
             break;
@@ -151,25 +151,25 @@ fn component(
             let beyond_doubt = is_plausible(&map) || confirms(&found, &map);
             found.push(map);
             if beyond_doubt {
-                return Ok(best(problem, found));
+                return Ok(best(problem, options, found));
             }
         }
     }
-    // What goes on is what may still be the best.
+    // Only those go on that may still become the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = gates::rounding(problem);
-    unfinished.retain(|map| variance(map) <= HOPELESS * least + rounding);
+    unfinished.retain(|map| is_as_good(variance(map), least, options.hopeless_ratio, rounding));
     unfinished.sort_by(|a, b| variance(a).total_cmp(&variance(b)));
-    for map in unfinished.into_iter().take(MAX_FINISHED) {
+    for map in unfinished.into_iter().take(options.max_finished) {
         found.extend(finish(problem, options, map.map, free, progress)?);
     }
-    Ok(best(problem, found))
+    Ok(best(problem, options, found))
 }
 
 /// The maps that a seed grows to: one, or two when neither branch is clearly better.
 fn from_seed(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     views: [usize; 3],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
@@ -177,7 +177,7 @@ fn from_seed(
     let mut growths = Vec::new();
     for map in seeds::begin(problem, views) {
         if let Some(mut growth) = Growth::new(problem, options, free, map)? {
-            growth.grow(TRIAL, progress)?;
+            growth.grow(options.views_before_choice, progress)?;
             let noise = growth.noise();
             let variance = noise * noise;
             growths.push((growth.reached(), variance, growth));
@@ -188,7 +188,7 @@ fn from_seed(
         return Ok(Vec::new());
     };
     growths.retain(|growth| {
-        growth.0 == reached && growth.1 < CLEARLY * variance.max(f64::MIN_POSITIVE)
+        growth.0 == reached && growth.1 < options.clear_ratio * variance.max(f64::MIN_POSITIVE)
     });
     let mut maps = Vec::new();
     for (_, _, mut growth) in growths {

@@ -1,29 +1,42 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks of which only the direction is known.
 
+use super::judge::variance;
 use super::result::Reconstruction;
 use crate::lm::Termination;
 use crate::problem::{Problem, Subject, Undetermined, Why};
 use crate::uncertainty::unbounded_landmarks;
 
+/// Options of the decision that a landmark is at infinity.
+#[derive(Clone, Copy, Debug)]
+struct InfinityOptions {
+    /// Root mean square of the residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
+    plausible_rms: f64,
+}
+
+impl Default for InfinityOptions {
+    fn default() -> Self {
+        Self { plausible_rms: 0.1 }
+    }
+}
+
 /// Takes landmarks at infinity out of a refined map: their range means nothing.
 ///
-/// Their bearings have done their part: they hold the headings, and the cost counts them.
-pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
-    // Exact bearings leave no noise to judge by, and a map that explains nothing is none.
+/// Their bearings have been used: they determine the headings, and the cost counts them.
+pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction) {
+    // Exact bearings leave no noise to judge by, and of a map that explains nothing no landmark is known.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
-        || found.rms > PLAUSIBLE_RMS
+        || found.rms > InfinityOptions::default().plausible_rms
     {
         return;
     }
-    let variance = 2.0 * found.cost / (found.freedom as f64);
-    let unbounded = unbounded_landmarks(problem, &found.map, variance);
+    let unbounded = unbounded_landmarks(problem, &found.map, variance(found));
     let lost: usize = unbounded
         .iter()
         .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))
         .sum();
-    // When the map hangs on them, its uncertainty tells.
+    // When the map depends on them, its uncertainty shows it.
     if lost >= found.freedom {
         return;
     }
@@ -38,6 +51,3 @@ pub fn take_out_unbounded(problem: &Problem, found: &mut Reconstruction) {
         .undetermined
         .sort_by_key(|undetermined| undetermined.subject);
 }
-
-/// Residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
-const PLAUSIBLE_RMS: f64 = 0.1;

@@ -1,31 +1,77 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a minimum is worth: whether it is plausible, free in a direction, the same as another, and which of
-//! several is the best.
+//! What a minimum is worth: its variance, whether it is plausible, to be refused, the same as another or as good,
+//! and which of several is the best.
 
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::Termination;
-use crate::problem::{Map, Problem};
+use crate::problem::{Map, Problem, Undetermined, Why};
 use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
 
-/// Fewest degrees of freedom for which the cost alone tells a right minimum.
-const TELLING_FREEDOM: usize = 20;
+/// What is asked of a map.
+#[derive(Clone, Copy, Debug)]
+struct JudgeOptions {
+    /// Fewest degrees of freedom with which the cost alone identifies the right minimum.
+    telling_freedom: usize,
+    /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
+    plausible_deviations: f64,
+    /// A map is a rival of another when its variance is at most this many times the other's: three times the
+    /// residuals.
+    rival_ratio: f64,
+    /// Positions over the size of the map, and headings \[rad\], by which two maps of one minimum differ less.
+    same: f64,
+    /// Sightings for each outlier, of which a plausible robust map has at least so many: `robust` is for up to a third.
+    sightings_per_outlier: usize,
+    /// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a tenth,
+    /// scenes with three outliers in ten one or more.
+    spare_per_outlier: f64,
+    /// So few outliers are no sign of chance, however few bearings there are.
+    few_outliers: usize,
+}
 
-/// Standard deviations of the cost by which that of the right minimum may differ from its mean.
-const PLAUSIBLE: f64 = 3.0;
+impl Default for JudgeOptions {
+    fn default() -> Self {
+        Self {
+            telling_freedom: 20,
+            plausible_deviations: 3.0,
+            rival_ratio: 9.0,
+            same: 1e-4,
+            sightings_per_outlier: 3,
+            spare_per_outlier: 0.25,
+            few_outliers: 2,
+        }
+    }
+}
 
-/// Costs whose ratio is closer to 1 than this are those of one minimum.
+/// Costs whose ratio is closer to 1 than this are those of one minimum. No option: it is what refinements of one minimum
+/// differ by.
 pub const SAME_COST: f64 = 1.0 - 1e-6;
+
+/// The estimated variance of a residual over sigma: twice the cost per degree of freedom, 1 when the standard
+/// deviations are right. Per degree of freedom, because maps need not explain the same sightings.
+pub fn variance(found: &Reconstruction) -> f64 {
+    2.0 * found.cost / found.freedom.max(1) as f64
+}
+
+/// The variance of residuals that are rounding of the bearings, for this weight (one over sigma): exact maps
+/// differ by less.
+pub fn rounding(weight: f64) -> f64 {
+    2.0 * f64::EPSILON * (weight * weight)
+}
+
+/// Whether a variance is at most `ratio` times the least, but for rounding.
+pub fn is_as_good(variance: f64, least: f64, ratio: f64, rounding: f64) -> bool {
+    variance <= ratio * least + rounding
+}
 
 /// Fills in sensitivity and uncertainty.
 pub fn assess(problem: &Problem, found: &mut Reconstruction) {
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
-        let variance = 2.0 * found.cost / (found.freedom as f64);
-        found.uncertainty = found.sensitivity * variance.sqrt();
+        found.uncertainty = found.sensitivity * variance(found).sqrt();
     }
 }
 
@@ -38,8 +84,8 @@ pub fn judged(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruct
 
 /// Refuses a map that exact bearings leave free in a direction.
 ///
-/// Odometry and priors may hold what bearings do not, however loosely beside them: with these it is
-/// `diagnose` and the covariance that tell.
+/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is refused here:
+/// `diagnose` and the covariance show such directions.
 pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
     if !problem.ties().is_empty() {
         return Ok(());
@@ -47,8 +93,8 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     // Beyond this the number is rounding itself.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
-    // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
-    // the uncertainty says so.
+    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
+    // uncertainty shows it.
     if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
         return Err(Error::Degenerate {
             kind: Degeneracy::FreeMap,
@@ -68,20 +114,99 @@ fn mean_weight(problem: &Problem) -> f64 {
     (sum / (sightings.len() as f64)).sqrt()
 }
 
-/// Whether the cost of a minimum is what the standard deviations of the sightings let expect of the
-/// right one, and no wrong one would come so low.
+/// Whether the cost of a map from bearings alone is what the standard deviations of the sightings predict for
+/// the right minimum, neither above nor below it. No wrong minimum comes so close.
 pub fn is_plausible(found: &Reconstruction) -> bool {
+    let options = JudgeOptions::default();
+    let bound = options.plausible_deviations;
     let freedom = found.freedom as f64;
     let deviation = (2.0 * found.cost - freedom).abs();
     found.termination == Termination::ZeroResidual
-        || (found.freedom >= TELLING_FREEDOM
+        || (found.freedom >= options.telling_freedom
             && found.undetermined.is_empty()
-            && deviation * deviation <= PLAUSIBLE * PLAUSIBLE * 2.0 * freedom)
+            && deviation * deviation <= bound * bound * 2.0 * freedom)
+}
+
+/// Whether the cost of a map with odometry and priors is no more than the standard deviations predict, and it
+/// reaches all that any start would. A lower cost is no objection.
+pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
+    let bound = JudgeOptions::default().plausible_deviations;
+    let freedom = found.freedom as f64;
+    let excess = 2.0 * found.cost - freedom;
+    let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
+    found.termination.was_successful()
+        && found.undetermined.iter().all(hopeless)
+        && excess <= 0.0_f64.max(bound * (2.0 * freedom).sqrt())
+}
+
+/// Whether a robust map with odometry and priors reaches all that any start would, with no more outliers than
+/// a search finds its way among.
+///
+/// Its cost is not looked at: real standard deviations are never exact, whereas a wrong map has many outliers
+/// whatever they are.
+pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
+    // No start would reach these, or their sightings are among the outliers that are counted.
+    let hopeless = |one: &Undetermined| {
+        matches!(
+            one.why,
+            Why::TooFewSightings { .. } | Why::TooFewInliers { .. }
+        )
+    };
+    let (_, outliers) = inliers_and_outliers(found);
+    found.termination.was_successful()
+        && found.undetermined.iter().all(hopeless)
+        && JudgeOptions::default().sightings_per_outlier * outliers <= found.inliers.len()
+}
+
+/// Refuses a map that chance explains: for any bearings, even random ones, there is a map with which as many of
+/// them agree as it has unknowns, and a few more.
+///
+/// # Errors
+/// [`Error::NoConsensus`].
+pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
+    let options = JudgeOptions::default();
+    let (inliers, outliers) = inliers_and_outliers(found);
+    let share = found.freedom as f64 / outliers as f64;
+    refuse_if(
+        outliers > options.few_outliers && share < options.spare_per_outlier,
+        found,
+        inliers,
+    )
+}
+
+/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
+/// they say.
+///
+/// # Errors
+/// [`Error::NoConsensus`].
+pub fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
+    let (inliers, outliers) = inliers_and_outliers(found);
+    refuse_if(
+        outliers > inliers && outliers > JudgeOptions::default().few_outliers,
+        found,
+        inliers,
+    )
+}
+
+fn refuse_if(refused: bool, found: &Reconstruction, inliers: usize) -> Result<(), Error> {
+    if refused {
+        return Err(Error::NoConsensus {
+            inliers,
+            outliers: found.inliers.len() - inliers,
+            freedom: found.freedom,
+        });
+    }
+    Ok(())
+}
+
+fn inliers_and_outliers(found: &Reconstruction) -> (usize, usize) {
+    let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
+    (inliers, found.inliers.len() - inliers)
 }
 
 /// Whether two normalised maps are the same minimum.
 pub fn same(a: &Map, b: &Map) -> bool {
-    near(a, b, 1e-4_f64.max(f64::EPSILON.sqrt()))
+    near(a, b, JudgeOptions::default().same)
 }
 
 /// Whether all poses of two normalised maps differ by less than a bound.
@@ -98,14 +223,13 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Reconstruction, Error> {
-    // Per degree of freedom, for maps need not explain the same sightings.
-    let variance = |found: &Reconstruction| found.cost / found.freedom.max(1) as f64;
+    let ratio = JudgeOptions::default().rival_ratio;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    let tiny = f64::EPSILON * (mean_weight(problem) * mean_weight(problem));
+    let rounding = rounding(mean_weight(problem));
     // Of those that fit about as well as the best, the one that reaches most.
     let rank = |found: &Reconstruction| {
         let variance = variance(found);
-        let fits = variance <= least * AS_GOOD + tiny;
+        let fits = is_as_good(variance, least, ratio, rounding);
         (!fits, if fits { missing(found) } else { 0 }, variance)
     };
     found.sort_by(|a, b| {
@@ -118,10 +242,10 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
         value: 0.0,
         bound: 1.0,
     })?;
-    let bound = variance(&best) * AS_GOOD + tiny;
+    let least = variance(&best);
     for rival in found {
         let known = core::iter::once(&best).chain(&best.alternatives);
-        if variance(&rival) <= bound
+        if is_as_good(variance(&rival), least, ratio, rounding)
             && missing(&rival) == missing(&best)
             && known.into_iter().all(|other| !same(&rival.map, &other.map))
         {
@@ -135,7 +259,3 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
 fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }
-
-/// A map fits about as well as another, and is a rival of it, when its cost per degree of freedom is at
-/// most this many times the other's: three times the residuals.
-const AS_GOOD: f64 = 9.0;

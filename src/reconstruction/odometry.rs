@@ -2,8 +2,7 @@
 //! Maps from bearings with odometry and priors.
 
 mod growth;
-
+mod least_squares;
 pub(crate) mod posterior;
-mod robust_growth;
 mod robust_start;
 mod sweeps;

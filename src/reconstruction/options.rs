@@ -9,9 +9,9 @@ use crate::lm::RefineOptions;
 pub enum Strategy {
     /// Many triples of views, both branches of each; the best few refined. Under limited sight (more
     /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
-    Search(Search),
+    Search,
     /// Well conditioned triples of views grown by resection and triangulation, with refinement in
-    /// between; several maps where the views do not hang together.
+    /// between; several maps where the views are not connected.
     Incremental,
     /// All views at once: headings by rotation averaging over many triples, then one sparse linear
     /// system for all positions and landmarks.
@@ -24,7 +24,7 @@ pub enum Strategy {
 ///
 /// `docs/accuracy.md` has how often the defaults miss the best known minimum, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Search {
+pub struct SearchOptions {
     /// Triples of views whose tensor is estimated.
     pub triples: usize,
     /// The best conditioned of them, which are grown to whole maps, both branches.
@@ -32,12 +32,12 @@ pub struct Search {
     /// Most maps that are refined; fewer when the first or two that agree are enough.
     pub candidates: usize,
     /// Triples, the best conditioned, whose tensor is varied along the direction that the bearings
-    /// hold least when the candidates leave doubt; twice as many candidates then follow. Zero for
-    /// none.
+    /// determine least when the candidates leave doubt; twice as many candidates are then refined.
+    /// Zero for none.
     pub swept: usize,
 }
 
-impl Default for Search {
+impl Default for SearchOptions {
     fn default() -> Self {
         Self {
             triples: 24,
@@ -53,21 +53,24 @@ impl Default for Search {
 pub struct SolveOptions {
     /// How a first map is found.
     pub strategy: Strategy,
+    /// How wide a search is: of [`Strategy::Search`], where it is effective.
+    pub search: SearchOptions,
     /// Options of the refinement.
     pub refine: RefineOptions,
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
-    /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
-    /// deviations of the bearings, for an outlier is what misses by more than three. The strategy is
-    /// that of the last look at the bearings that are left. [`initialize`](crate::initialize) takes no
-    /// notice.
+    /// Expect outliers: wrong bearings of any kind are found and left out. Needs the standard
+    /// deviations of the bearings: an outlier is a bearing that misses by more than three of them. The
+    /// strategy applies to the final search over the inliers. [`initialize`](crate::initialize) ignores
+    /// this option.
     pub robust: bool,
 }
 
 impl Default for SolveOptions {
     fn default() -> Self {
         Self {
-            strategy: Strategy::Search(Search::default()),
+            strategy: Strategy::Search,
+            search: SearchOptions::default(),
             refine: RefineOptions::default(),
             seed: 0,
             robust: false,
@@ -79,7 +82,7 @@ impl Default for SolveOptions {
 pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
 
 /// Reports progress to a caller who asked for it; `false` when the work is to stop.
-pub fn tell(
+pub fn report_progress(
     progress: &mut Option<Progress<'_>>,
     stage: &'static str,
     done: usize,

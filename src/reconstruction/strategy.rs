@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which path suits how much the views see, and what becomes of several maps.
+//! Which strategy suits how much the views see, what it finds, and how the maps of several components are returned.
 
 use super::grow::resect_view;
-use super::infinity::take_out_unbounded;
+use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
@@ -14,10 +14,26 @@ use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Parts of the rule of [`is_limited`].
-const MANY_VIEWS: usize = 40;
-const FEW_VIEWS: usize = 8;
-const FILLED: f64 = 0.6;
+/// The rule of [`is_limited`].
+#[derive(Clone, Copy, Debug)]
+struct SightOptions {
+    /// Sight is limited with more views than this: no triple knows much of the whole.
+    many_views: usize,
+    /// With fewer views than this it is not.
+    few_views: usize,
+    /// In between it is when the views see less than this part of the landmarks on average.
+    filled: f64,
+}
+
+impl Default for SightOptions {
+    fn default() -> Self {
+        Self {
+            many_views: 40,
+            few_views: 8,
+            filled: 0.6,
+        }
+    }
+}
 
 /// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
 /// the landmarks on average.
@@ -29,13 +45,14 @@ fn is_limited(problem: &Problem) -> bool {
     let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
     let (views, landmarks) = (views.count(), landmarks.count());
     let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
-    views > MANY_VIEWS || (views >= FEW_VIEWS && filled < FILLED)
+    let options = SightOptions::default();
+    views > options.many_views || (views >= options.few_views && filled < options.filled)
 }
 
 /// The strategy that is effective: the search gives way to growth under limited sight.
 fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
     match strategy {
-        Strategy::Search(_) if is_limited(problem) => Strategy::Incremental,
+        Strategy::Search if is_limited(problem) => Strategy::Incremental,
         other => other,
     }
 }
@@ -63,7 +80,7 @@ pub fn lowest(
 ) -> Result<Reconstruction, Error> {
     let mut maps = components(problem, options, progress)?;
     for map in &mut maps {
-        take_out_unbounded(problem, map);
+        drop_landmarks_at_infinity(problem, map);
     }
     for map in maps.iter_mut().skip(1) {
         assess(problem, map);
@@ -76,7 +93,7 @@ pub fn lowest(
             let map = first_three::initialize_from_first_three(problem, method)?;
             plain::from_map(problem, map, options, progress)
         }
-        Strategy::Search(search) => plain::lowest(problem, search, options, progress),
+        Strategy::Search => plain::lowest(problem, options, progress),
         Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
     }
 }
@@ -95,7 +112,7 @@ fn components(
             let starts = global::starts(problem, *seed, progress)?;
             incremental::finish_all(problem, refine, starts, progress)
         }
-        Strategy::Search(_) | Strategy::FirstViews(_) => Ok(Vec::new()),
+        Strategy::Search | Strategy::FirstViews(_) => Ok(Vec::new()),
     }
 }
 
@@ -112,7 +129,7 @@ pub fn first_maps(
     let grown = match effective(problem, options.strategy) {
         Strategy::Incremental => incremental::first(problem, refine, *seed, progress)?,
         Strategy::Global => global::starts(problem, *seed, progress)?.into_iter().next(),
-        Strategy::Search(_) | Strategy::FirstViews(_) => None,
+        Strategy::Search | Strategy::FirstViews(_) => None,
     };
     if let Some(map) = grown {
         return Ok(vec![map]);
@@ -121,8 +138,8 @@ pub fn first_maps(
         Strategy::FirstViews(method) => Ok(vec![first_three::initialize_from_first_three(
             problem, method,
         )?]),
-        Strategy::Search(search) => {
-            let found = hypotheses::search(problem, search, *seed, progress)?;
+        Strategy::Search => {
+            let found = hypotheses::search(problem, &options.search, *seed, progress)?;
             let maps = found.maps.into_iter().take(2);
             Ok(maps.map(|hypothesis| hypothesis.map).collect())
         }
@@ -144,7 +161,7 @@ fn no_map(problem: &Problem) -> Error {
 
 /// The largest map with the others as its components; `None` of none.
 ///
-/// What has a place in any of them is not undetermined. The others list only their landmarks at
+/// What is in any of them is not undetermined. The components list only their own landmarks at
 /// infinity.
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
@@ -165,8 +182,8 @@ pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<R
         }
     }
     for other in &mut main.components {
-        // A landmark at infinity is part of the map all the same; what it never had is none of its
-        // business.
+        // A landmark at infinity is part of the map all the same. What this map never reached is not listed
+        // here.
         other
             .undetermined
             .retain(|undetermined| undetermined.why == Why::AtInfinity);

@@ -3,12 +3,11 @@
 
 use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
 use super::weak_directions::free_directions;
-use crate::adjustment::Watch;
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal::Normal;
 use crate::error::{Degeneracy, Error};
-use crate::lm::Loss;
+use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Matrix2, Matrix3};
@@ -48,7 +47,7 @@ const STANDS: f64 = 1e-6;
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
 /// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
-/// not hold the equations; [`Error::Interrupted`] when `watch`, called with the columns
+/// not hold the equations; [`Error::Interrupted`] when `observer`, called with the columns
 /// done and their number, says so.
 ///
 /// # Example
@@ -74,7 +73,7 @@ pub fn covariance(
     map: &Map,
     loss: Loss,
     frame: Frame,
-    mut watch: Option<Watch<'_>>,
+    mut observer: Option<Observer<'_>>,
 ) -> Result<Covariance, Error> {
     map.check_size(problem)?;
     let active = map.restrict(problem);
@@ -109,7 +108,7 @@ pub fn covariance(
     }
     let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
     let sizes = (active.views(), active.landmarks());
-    let mut found = blocks(&normal, sizes, &transformation, &mut watch)?.into_iter();
+    let mut found = blocks(&normal, sizes, &transformation, &mut observer)?.into_iter();
     Ok(Covariance {
         frame,
         poses: map
@@ -133,7 +132,7 @@ fn blocks(
     normal: &Normal<'_>,
     (views, landmarks): (usize, usize),
     transformation: &Transformation,
-    watch: &mut Option<Watch<'_>>,
+    observer: &mut Option<Observer<'_>>,
 ) -> Result<Vec<DMatrix<f64>>, Error> {
     let subjects = (0..views)
         .map(Subject::View)
@@ -148,8 +147,8 @@ fn blocks(
     let mut found = Vec::with_capacity(blocks.len());
     let mut columns = Vec::new();
     for batch in blocks.chunks(BATCH / 2) {
-        if let Some(watch) = watch
-            && !watch(found.len(), blocks.len() as f64)
+        if let Some(observer) = observer
+            && !observer(found.len(), blocks.len() as f64)
         {
             return Err(Error::Interrupted);
         }

@@ -133,11 +133,7 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };
         let mut information = Matrix2::zeros();
-        for &k in problem.of_landmark(landmark) {
-            let s = &problem.sightings()[k];
-            let Some(pose) = map.poses[s.view] else {
-                continue;
-            };
+        for (pose, s) in map.rays(problem, landmark) {
             let offset = point.coords - pose.translation.vector;
             let square = offset.norm_squared();
             // Times the distance: information about the position in units of the range.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
 /// those before it.
-const ROOMS: [&str; 32] = [
+const ROOMS: [&str; 33] = [
     "scalar",
     "float",
     "error",
@@ -25,6 +25,7 @@ const ROOMS: [&str; 32] = [
     "simulate",
     "reconstruction/options",
     "reconstruction/result",
+    "reconstruction/attempt",
     "reconstruction/judge",
     "reconstruction/infinity",
     "reconstruction/grow",

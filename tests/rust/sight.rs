@@ -3,7 +3,7 @@
 
 use crate::common::truth;
 use bearslam::{
-    Arena, Error, Layout, Pose, Problem, Reconstruction, RefineOptions, Scene, Search, Sighting,
+    Arena, Error, Layout, Pose, Problem, Reconstruction, RefineOptions, Scene, Sighting,
     SolveOptions, Strategy, Subject, Termination, Why, align, bearing_to, initialize, refine,
     simulate, solve,
 };
@@ -75,11 +75,7 @@ fn a_trajectory_is_recovered_by_both_methods() {
     for seed in [0, 1] {
         let (scene, problem) = trajectory(40, seed);
         let oracle = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
-        for strategy in [
-            Strategy::Search(Search::default()),
-            Strategy::Incremental,
-            Strategy::Global,
-        ] {
+        for strategy in [Strategy::Search, Strategy::Incremental, Strategy::Global] {
             let found = solve(&problem, &with(strategy), None).unwrap();
             assert_eq!(found.undetermined, oracle.undetermined, "{strategy:?}");
             assert!(
@@ -127,11 +123,7 @@ fn separate_components_are_separate_maps() {
     let mut seen = sightings(&scene, 0..6, 0..9);
     seen.extend(sightings(&scene, 6..14, 9..20));
     let problem = Problem::new(14, 20, &seen).unwrap();
-    for strategy in [
-        Strategy::Search(Search::default()),
-        Strategy::Incremental,
-        Strategy::Global,
-    ] {
+    for strategy in [Strategy::Search, Strategy::Incremental, Strategy::Global] {
         let found = solve(&problem, &with(strategy), None).unwrap();
         assert!(
             found.undetermined.is_empty(),

@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, error, problem, scene, truth};
 use bearslam::{
-    Error, Layout, Method, Problem, Search, Sighting, SolveOptions, Strategy, Subject, Termination,
-    Why, initialize, refine, solve,
+    Error, Layout, Method, Problem, SearchOptions, Sighting, SolveOptions, Strategy, Subject,
+    Termination, Why, initialize, refine, solve,
 };
 
 #[test]
@@ -214,10 +214,10 @@ fn many_views_are_drawn_not_listed() {
 fn the_same_seed_gives_the_same_bits() {
     let scene = scene(Layout::Mixed, 8, 11, 1.0, 4);
     let options = SolveOptions {
-        strategy: Strategy::Search(Search {
+        search: SearchOptions {
             triples: 5,
-            ..Search::default()
-        }),
+            ..SearchOptions::default()
+        },
         ..SolveOptions::default()
     };
     let first = solve(&problem(&scene), &options, None).unwrap();
@@ -340,12 +340,18 @@ fn gaps_in_the_indices_change_nothing() {
 #[test]
 fn an_empty_search_is_an_error_that_says_so() {
     let scene = scene(Layout::Mixed, 4, 9, 0.5, 1);
-    let full = Search::default();
+    let full = SearchOptions::default();
     for (search, what) in [
-        (Search { triples: 0, ..full }, "triples of the search"),
-        (Search { grown: 0, ..full }, "grown triples of the search"),
         (
-            Search {
+            SearchOptions { triples: 0, ..full },
+            "triples of the search",
+        ),
+        (
+            SearchOptions { grown: 0, ..full },
+            "grown triples of the search",
+        ),
+        (
+            SearchOptions {
                 candidates: 0,
                 ..full
             },
@@ -353,7 +359,7 @@ fn an_empty_search_is_an_error_that_says_so() {
         ),
     ] {
         let options = SolveOptions {
-            strategy: Strategy::Search(search),
+            search,
             ..SolveOptions::default()
         };
         let error = solve(&problem(&scene), &options, None).unwrap_err();

@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, problem, scene};
 use bearslam::{
-    Cell, Chunk, Error, Layout, Quantity, RefineOptions, Search, SolveOptions, Start, Strategy,
-    Tally, Trial, TrialOutcome, refine, simulate, solve, sweep,
+    Cell, Chunk, Error, Layout, Quantity, RefineOptions, SearchOptions, SolveOptions, Start, Tally,
+    Trial, TrialOutcome, refine, simulate, solve, sweep,
 };
 
 fn cell(layout: Layout, views: usize, landmarks: usize, noise_deg: f64) -> Cell {
@@ -217,10 +217,10 @@ fn what_the_bearings_do_not_determine_has_no_bound() {
 #[test]
 fn doubt_widens_the_search() {
     let narrow = SolveOptions {
-        strategy: Strategy::Search(Search {
+        search: SearchOptions {
             swept: 0,
-            ..Search::default()
-        }),
+            ..SearchOptions::default()
+        },
         ..SolveOptions::default()
     };
     let mut helped = 0;

@@ -9,7 +9,7 @@ use crate::kernels::{Method, three_view};
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
-use crate::reconstruction::judge::same;
+use crate::reconstruction::judge::{same, variance};
 use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
 use crate::reconstruction::search::triples::{common_bearings, draw};
 use crate::reconstruction::strategy::lowest;
@@ -49,7 +49,7 @@ pub fn explaining_map(
         Err(_) => {
             let mut found = explaining_maps(problem, options).into_iter();
             return Ok(found.next().map(|first| ExplainingMap {
-                variance: variance(first.cost, first.freedom),
+                variance: variance(&first),
                 undetermined: first.undetermined,
                 map: first.map,
                 others: found.map(|other| other.map).collect(),
@@ -58,9 +58,8 @@ pub fn explaining_map(
         }
     };
     let rivals = found.alternatives.iter();
-    let rival = rivals
-        .map(|rival| variance(rival.cost, rival.freedom))
-        .fold(f64::INFINITY, f64::min);
+    let rival = rivals.map(variance).fold(f64::INFINITY, f64::min);
+    let fit = variance(&found);
     let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
     // Of four landmarks there may be several exact maps, of which the search keeps the best determined.
     if problem.landmarks() == MIN_SHARED {
@@ -71,7 +70,7 @@ pub fn explaining_map(
         );
     }
     Ok(Some(ExplainingMap {
-        variance: variance(found.cost, found.freedom),
+        variance: fit,
         undetermined: found.undetermined,
         map: found.map,
         others,
@@ -139,14 +138,10 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
         if let Ok(found) = refine(problem, &start, &options, None)
             && !same(&found.map, &known)
         {
-            costs.push(variance(found.cost, found.freedom));
+            costs.push(variance(&found));
         }
     }
     costs
-}
-
-fn variance(cost: f64, freedom: usize) -> f64 {
-    2.0 * cost / freedom.max(1) as f64
 }
 
 /// Three views to start a map from: of some that share five landmarks, or four, those that share most.

@@ -148,14 +148,9 @@ impl SubProblem {
     pub fn infinite(&self, map: &Map, noise: f64) -> Vec<Undetermined> {
         let bound = self.options.maps.parallel * noise + f64::EPSILON.sqrt();
         let parallel = |landmark: usize| {
-            let rays: Vec<_> = self
-                .problem
-                .of_landmark(landmark)
-                .iter()
-                .filter_map(|&k| {
-                    let s = &self.problem.sightings()[k];
-                    map.poses[s.view].map(|pose| pose.rotation * s.bearing)
-                })
+            let rays: Vec<_> = map
+                .rays(&self.problem, landmark)
+                .map(|(pose, s)| pose.rotation * s.bearing)
                 .collect();
             let off = |ray| rays[0].angle_to(ray).abs();
             rays.len() > 1 && rays.iter().all(|ray| off(ray) < bound)

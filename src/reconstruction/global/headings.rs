@@ -6,13 +6,27 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, UnitComplex};
 
-/// Rounds of reweighting: the branches settle in the first few, the weights in about ten.
-const ROUNDS: usize = 15;
+/// Options of the averaging.
+#[derive(Clone, Copy, Debug)]
+struct AveragingOptions {
+    /// Most rounds of reweighting: the branches are decided in the first few, the weights in about ten.
+    rounds: usize,
+    /// The width of Cauchy's weight in medians of residual times quality: residuals of a typical triple count fully,
+    /// larger ones less. A width of 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median is 0.67.
+    cauchy_medians: f64,
+    /// The averaging ends when no heading turns by more than this \[rad\].
+    tolerance: f64,
+}
 
-/// Residuals of a typical triple times its quality count fully, larger ones less: Cauchy's weight at
-/// so many times their median. 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median
-/// is 0.67.
-const CAUCHY: f64 = 2.4 / 0.67;
+impl Default for AveragingOptions {
+    fn default() -> Self {
+        Self {
+            rounds: 15,
+            cauchy_medians: 2.4 / 0.67,
+            tolerance: 1e-6,
+        }
+    }
+}
 
 /// The headings of a connected set of views that agree best with the relative headings of triples.
 ///
@@ -33,7 +47,8 @@ pub fn average(
         .filter(|relative| relative.views.iter().all(|&view| member[view] < usize::MAX))
         .collect();
     let mut headings = spanning_tree(views, &relatives);
-    for _ in 0..ROUNDS {
+    let options = AveragingOptions::default();
+    for _ in 0..options.rounds {
         // Each pair of each triple: the two views, by how much its second heading is behind, its
         // quality.
         let mut pairs = Vec::with_capacity(3 * relatives.len());
@@ -51,7 +66,7 @@ pub fn average(
         let Some(&median) = sizes.get(sizes.len() / 2) else {
             break;
         };
-        let scale = median * CAUCHY + f64::EPSILON;
+        let scale = median * options.cauchy_medians + f64::EPSILON;
         let mut matrix = DMatrix::zeros(group.len(), group.len());
         let mut right = DVector::zeros(group.len());
         for (a, b, error, quality) in pairs {
@@ -77,7 +92,7 @@ pub fn average(
                 heading.renormalize();
             }
         }
-        if right.amax() < 1e-6_f64.max(f64::EPSILON) {
+        if right.amax() < options.tolerance {
             break;
         }
     }
@@ -114,7 +129,7 @@ fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComple
         return headings;
     };
     headings[first.views[0]] = Some(UnitComplex::identity());
-    // Two known views tell the branches of a triple apart; a triple with a rival and one known view
+    // Two known views distinguish the branches of a triple; a triple with a rival and one known view
     // waits.
     loop {
         let attaches = |relative: &&&Relative, fewest: usize| {

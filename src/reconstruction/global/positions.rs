@@ -7,18 +7,30 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vector2};
 
-/// Rounds of reweighting: rows are divided by the range of the round before.
-const ROUNDS: usize = 6;
+/// Options of the linear system.
+#[derive(Clone, Copy, Debug)]
+struct PositionOptions {
+    /// Rounds of reweighting: rows are divided by the range of the round before.
+    rounds: usize,
+    /// Steps of inverse iteration in a round. The next round goes on from where this one ends.
+    steps: usize,
+    /// No range counts as less than this part of the median, or one bad sighting would rule the system.
+    nearest: f64,
+    /// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about the
+    /// square of half the parallax in radians) place no landmark.
+    spread: f64,
+}
 
-/// Steps of inverse iteration in a round. The next round goes on from where this one ends.
-const STEPS: usize = 3;
-
-/// No range counts as less than this part of the median, or one bad sighting would rule the system.
-const NEAREST: f64 = 0.1;
-
-/// Rays whose directions spread less than this (smaller over larger eigenvalue of their information:
-/// about the square of half the parallax in radians) place no landmark.
-const SPREAD: f64 = 1e-4;
+impl Default for PositionOptions {
+    fn default() -> Self {
+        Self {
+            rounds: 6,
+            steps: 3,
+            nearest: 0.1,
+            spread: 1e-4,
+        }
+    }
+}
 
 /// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
 struct Ray {
@@ -51,13 +63,13 @@ impl Bundle {
             information += ray.row() * ray.row().transpose();
         }
         let trace = information.trace();
-        (information.determinant() > trace * trace * SPREAD)
+        (information.determinant() > trace * trace * PositionOptions::default().spread)
             .then(|| information.try_inverse())
             .flatten()
     }
 }
 
-/// The map of the views that have a heading; `None` when nothing holds together.
+/// The map of the views that have a heading; `None` when the rays determine nothing.
 ///
 /// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
 /// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
@@ -93,7 +105,7 @@ pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option
         .filter(|bundle| bundle.rays.len() >= MIN_VIEWS_OF_LANDMARK)
         .collect();
     let mut positions: Option<DVector<f64>> = None;
-    for _ in 0..ROUNDS {
+    for _ in 0..PositionOptions::default().rounds {
         positions = Some(round(views.len(), &mut bundles, positions)?);
         reweight(&mut bundles, positions.as_ref()?);
     }
@@ -162,7 +174,7 @@ fn round(
     }
     let factor = matrix.cholesky()?;
     let mut positions = start.unwrap_or_else(|| ahead.clone());
-    for _ in 0..STEPS {
+    for _ in 0..PositionOptions::default().steps {
         factor.solve_mut(&mut positions);
         let norm = positions.norm();
         if !(norm > 0.0 && norm.is_finite()) {
@@ -198,7 +210,8 @@ fn reweight(bundles: &mut [Bundle], positions: &DVector<f64>) {
     };
     for bundle in bundles {
         for k in 0..bundle.rays.len() {
-            let range = range(bundle, &bundle.rays[k]).max(median * NEAREST);
+            let range =
+                range(bundle, &bundle.rays[k]).max(median * PositionOptions::default().nearest);
             // In units of the median, so that the system keeps its size.
             bundle.rays[k].weight = bundle.rays[k].sharpness * median / range;
         }

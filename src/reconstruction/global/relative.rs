@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Relative headings of many triples of views, and which views they connect.
 
-use super::super::options::{Progress, tell};
+use super::super::options::{Progress, report_progress};
 use super::super::search::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::kernels::CalibratedTensor;
@@ -10,13 +10,29 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::UnitComplex;
 
-/// Triples drawn per view, at least, and of these the best conditioned kept for each view.
-const PER_VIEW: usize = 48;
-const FEWEST: usize = 200;
-const KEPT: usize = 24;
+/// Options of the choice of triples.
+#[derive(Clone, Copy, Debug)]
+struct RelativeOptions {
+    /// Triples that are drawn for each view.
+    per_view: usize,
+    /// Fewest triples that are drawn.
+    fewest: usize,
+    /// The best conditioned of them that are kept for each view.
+    kept: usize,
+    /// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
+    shared: [usize; 2],
+}
 
-/// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
-const SHARED: [usize; 2] = [6, 5];
+impl Default for RelativeOptions {
+    fn default() -> Self {
+        Self {
+            per_view: 48,
+            fewest: 200,
+            kept: 24,
+            shared: [6, 5],
+        }
+    }
+}
 
 /// The headings of three views, up to a common turn.
 pub struct Relative {
@@ -36,16 +52,17 @@ pub fn relatives(
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Relative>, Error> {
-    let count = (PER_VIEW * problem.views()).max(FEWEST);
+    let options = RelativeOptions::default();
+    let count = (options.per_view * problem.views()).max(options.fewest);
     let mut failure = None;
     let mut found = Vec::new();
-    for needed in SHARED {
+    for needed in options.shared {
         let drawn = triples::draw(problem, needed, count, seed);
         for (done, &views) in drawn.iter().enumerate() {
-            if !tell(progress, "search", done, drawn.len()) {
+            if !report_progress(progress, "search", done, drawn.len()) {
                 return Err(Error::Interrupted);
             }
-            match relative(problem, views, needed) {
+            match relative(problem, views, needed, options.shared[1]) {
                 Ok(relative) => found.extend(relative),
                 Err(error) => failure = Some(error),
             }
@@ -57,7 +74,10 @@ pub fn relatives(
         _ => {
             let mut taken = vec![0; problem.views()];
             found.retain(|relative| {
-                let wanted = relative.views.iter().any(|&view| taken[view] < KEPT);
+                let wanted = relative
+                    .views
+                    .iter()
+                    .any(|&view| taken[view] < options.kept);
                 if wanted {
                     for view in relative.views {
                         taken[view] += 1;
@@ -70,15 +90,16 @@ pub fn relatives(
     }
 }
 
-/// One triple; `None` when it shares more landmarks than the last of [`SHARED`] asks for and has been
+/// One triple; `None` when it shares more landmarks than `fewest`, the least that is asked for, and has been
 /// drawn before.
 fn relative(
     problem: &Problem,
     views: [usize; 3],
     needed: usize,
+    fewest: usize,
 ) -> Result<Option<Relative>, Error> {
     let (triples, _) = common_bearings(problem, views);
-    if needed == SHARED[1] && triples.len() > needed {
+    if needed == fewest && triples.len() > needed {
         return Ok(None);
     }
     let tensor = CalibratedTensor::estimate(&triples, 1)?;

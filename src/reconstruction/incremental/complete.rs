@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The end of a growth: a place for everything that has one, and the last refinement.
+//! The end of a growth: everything that can be placed is placed, and the map refined for the last time.
 
-use super::super::options::{Progress, tell};
+use super::super::attempt::attempt;
+use super::super::options::{Progress, report_progress};
 use super::super::result::Reconstruction;
 use super::gates::noise;
-use super::growth::GATES;
-use super::locate;
-use crate::adjustment::refine_map;
+use super::options::IncrementalOptions;
+use super::place;
 use crate::error::Error;
-use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
-
-/// Refinements of a map, each of which may make room for a view that did not fit before.
-const COMPLETIONS: usize = 3;
 
 /// The last refinement of a map, of everything that has a place in it; `None` when it cannot be
 /// refined.
@@ -21,19 +17,19 @@ const COMPLETIONS: usize = 3;
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn finish(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     mut map: Map,
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let mut best: Option<Reconstruction> = None;
-    for _ in 0..COMPLETIONS {
+    for _ in 0..options.completions {
         // The gauge of a reconstruction is as good as any.
         if let Some(found) = &best {
             map = found.map.clone();
         }
         let before = map.poses.iter().flatten().count();
-        complete(problem, &mut map, free);
+        complete(problem, options, &mut map, free);
         if best.is_some() && map.poses.iter().flatten().count() == before {
             break;
         }
@@ -41,7 +37,7 @@ pub fn finish(
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);
-                // What is not at rest makes no room.
+                // A map that has not converged makes no room.
                 if !converged {
                     break;
                 }
@@ -55,32 +51,29 @@ pub fn finish(
 /// A map refined; `None` when it cannot be.
 fn refined(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     mut map: Map,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
-    let total = options.max_iterations;
-    let mut watch = |done, _| tell(progress, "refine", done, total);
-    match refine_map(problem, &mut map, options, Some(&mut watch)) {
-        Ok(report) => Ok(Some(Reconstruction::new(problem, &map, report))),
-        Err(error) if error.stops_all() => Err(error),
-        Err(_) => Ok(None),
-    }
+    let total = options.refine.max_iterations;
+    let mut observer = |done, _| report_progress(progress, "refine", done, total);
+    let report = attempt(problem, &mut map, &options.refine, Some(&mut observer))?;
+    Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 
-/// Puts in everything that the gates have kept out and that has a place at all, for the last
-/// refinement.
+/// Adds everything that the gates have kept out and that can be placed at all, for the last refinement.
 ///
-/// A landmark whose rays do not meet goes far out along them: the refinement tells whether it is at
+/// A landmark whose rays do not meet is put far out along them: the refinement finds out whether it is at
 /// infinity.
-fn complete(problem: &Problem, map: &mut Map, allowed: &[bool]) {
-    let noise = noise(problem, map);
+fn complete(problem: &Problem, options: &IncrementalOptions, map: &mut Map, allowed: &[bool]) {
+    let noise = noise(problem, map, options);
+    let [.., widest] = options.gates;
     // Landmarks, the views that need them, the landmarks that need these.
     for _ in 0..2 {
         for landmark in 0..map.landmarks.len() {
             if map.landmarks[landmark].is_none() {
-                let met = locate::landmark(problem, map, landmark);
-                let far = locate::far_out(problem, map, landmark);
+                let met = place::place_landmark(problem, map, landmark);
+                let far = place::far_out(problem, map, landmark, options.far_sizes);
                 let places = met.into_iter().chain(far);
                 let best = places.min_by(|a, b| {
                     let [a, b] = [a, b].map(|(_, fit)| fit.squares);
@@ -92,8 +85,8 @@ fn complete(problem: &Problem, map: &mut Map, allowed: &[bool]) {
         for view in 0..map.poses.len() {
             if map.poses[view].is_none()
                 && allowed[view]
-                && let Some((_, pose, fit)) = locate::view(problem, map, view)
-                && fit.passes(MIN_LANDMARKS_OF_VIEW, noise, GATES[GATES.len() - 1])
+                && let Some((_, pose, fit)) = place::place_view(problem, map, view)
+                && fit.passes(MIN_LANDMARKS_OF_VIEW, noise, widest)
             {
                 map.poses[view] = Some(pose);
             }

@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well a view or a landmark fits a map, and how far the map holds it.
+//! How well a view or a landmark fits a map, and how well the map determines it.
 //!
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
+use super::super::judge;
+use super::options::IncrementalOptions;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::Pose;
 use crate::problem::{Map, Problem};
 use nalgebra::{Matrix2, Point2, Vector2};
-
-/// Noise \[rad\] that is expected before anything has been measured: a good degree, and for how many
-/// residuals the expectation counts.
-const EXPECTED_NOISE: f64 = 0.02;
-const EXPECTED_COUNT: f64 = 6.0;
 
 /// Sum of squared residuals over sigma, and their number.
 #[derive(Clone, Copy, Debug)]
@@ -35,19 +32,14 @@ impl Fit {
 
     /// A view at a pose, over the landmarks that have a place.
     pub fn of_view(problem: &Problem, map: &Map, view: usize, pose: &Pose<f64>) -> Self {
-        let seen = problem.of_view(view).iter();
-        Self::of(seen.filter_map(|s| {
-            Some(problem.residual(pose, &map.landmarks[s.landmark]?, s) * s.weight)
-        }))
+        let seen = map.seen(problem, view);
+        Self::of(seen.map(|(point, s)| problem.residual(pose, &point, s) * s.weight))
     }
 
     /// A landmark at a place, over the views that have a pose.
     pub fn of_landmark(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> Self {
-        let seen = problem.of_landmark(landmark).iter();
-        Self::of(seen.filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            Some(problem.residual(&map.poses[s.view]?, point, s) * s.weight)
-        }))
+        let rays = map.rays(problem, landmark);
+        Self::of(rays.map(|(pose, s)| problem.residual(&pose, point, s) * s.weight))
     }
 
     /// Whether the mean square, with so many parameters fitted, is within `gate` times the noise.
@@ -60,7 +52,7 @@ impl Fit {
 
 /// The noise of a map: root mean square of its residuals over sigma per degree of freedom, drawn
 /// towards what is expected while there are few.
-pub fn noise(problem: &Problem, map: &Map) -> f64 {
+pub fn noise(problem: &Problem, map: &Map, options: &IncrementalOptions) -> f64 {
     let (mut squares, mut weights, mut count) = (0.0, 0.0, 0);
     for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
         weights += s.weight * s.weight;
@@ -74,28 +66,23 @@ pub fn noise(problem: &Problem, map: &Map) -> f64 {
         3 * map.poses.iter().flatten().count() + 2 * map.landmarks.iter().flatten().count();
     let freedom = (count + 4_usize).saturating_sub(parameters) as f64;
     let all = problem.sightings().len().max(1) as f64;
-    let expected = (EXPECTED_NOISE * EXPECTED_NOISE) * weights / all;
-    let counted = EXPECTED_COUNT;
+    let expected = (options.expected_noise * options.expected_noise) * weights / all;
+    let counted = options.expected_count;
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
-/// The cost per degree of freedom of residuals that are rounding of the bearings: exact maps differ
-/// by less.
+/// The variance of residuals that are rounding, for the most precise of the bearings: the maps that are compared
+/// need not share their sightings.
 pub fn rounding(problem: &Problem) -> f64 {
     let weights = problem.sightings().iter();
-    let square = weights.fold(0.0_f64, |most, s| most.max(s.weight * s.weight));
-    square * f64::EPSILON
+    judge::rounding(weights.fold(0.0_f64, |most, s| most.max(s.weight)))
 }
 
 /// The relative variance of the range of a landmark, for residuals of one sigma and views held fixed:
 /// infinite for parallel rays.
 pub fn range_variance(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> f64 {
     let mut information = Matrix2::zeros();
-    for &k in problem.of_landmark(landmark) {
-        let s = &problem.sightings()[k];
-        let Some(pose) = map.poses[s.view] else {
-            continue;
-        };
+    for (pose, s) in map.rays(problem, landmark) {
         let offset = point.coords - pose.translation.vector;
         let range = offset.norm();
         // Over one range only: information about the position in units of the range.

@@ -1,38 +1,36 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Which of several maps is the best, and two that share landmarks become one.
 
+use super::super::judge::{is_as_good, variance};
 use super::super::options::Progress;
 use super::super::result::Reconstruction;
 use super::complete::finish;
 use super::gates::{noise, range_variance, rounding};
+use super::options::IncrementalOptions;
 use crate::error::Error;
 use crate::geometry::{align, transform_pose};
-use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
-
-/// The cost per degree of freedom.
-pub fn variance(found: &Reconstruction) -> f64 {
-    found.cost / found.freedom.max(1) as f64
-}
 
 /// Number of views in a map.
 pub fn views(found: &Reconstruction) -> usize {
     found.map.poses.iter().flatten().count()
 }
 
-/// A map fits about as well as another when its cost per degree of freedom is at most so many times
-/// the other's.
-const AS_GOOD: f64 = 4.0;
-
 /// Of those that fit about as well as the best, the one that reaches most, then the lowest.
-pub fn best(problem: &Problem, found: Vec<Reconstruction>) -> Option<Reconstruction> {
+pub fn best(
+    problem: &Problem,
+    options: &IncrementalOptions,
+    found: Vec<Reconstruction>,
+) -> Option<Reconstruction> {
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
-    let bound = AS_GOOD * least + rounding(problem);
+    let rounding = rounding(problem);
     found.into_iter().min_by(|a, b| {
-        let misfits = |found: &Reconstruction| !(variance(found) <= bound);
+        let misfits = |found: &Reconstruction| {
+            !is_as_good(variance(found), least, options.fitting_ratio, rounding)
+        };
         misfits(a)
             .cmp(&misfits(b))
             .then(a.undetermined.len().cmp(&b.undetermined.len()))
@@ -46,7 +44,7 @@ pub fn best(problem: &Problem, found: Vec<Reconstruction>) -> Option<Reconstruct
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn merge(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     mut found: Vec<Reconstruction>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
@@ -76,15 +74,15 @@ pub fn merge(
     Ok(found)
 }
 
-/// Two maps as one, refined; `None` where too little ties them or they do not fit.
+/// Two maps as one, refined; `None` where they share too little or do not fit.
 fn joined(
     problem: &Problem,
-    options: &RefineOptions,
+    options: &IncrementalOptions,
     [first, second]: [&Reconstruction; 2],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
-    let Some(start) = merged(problem, &first.map, &second.map) else {
+    let Some(start) = merged(problem, options, &first.map, &second.map) else {
         return Ok(None);
     };
     let Some(joined) = finish(problem, options, start, free, progress)? else {
@@ -92,30 +90,33 @@ fn joined(
     };
     // As good as apart, per degree of freedom: they belong together.
     let freedom = (first.freedom + second.freedom).max(1) as f64;
-    let apart = (first.cost + second.cost) / freedom;
-    let fits = variance(&joined) <= AS_GOOD * apart + rounding(problem);
+    let apart = 2.0 * (first.cost + second.cost) / freedom;
+    let fits = is_as_good(
+        variance(&joined),
+        apart,
+        options.fitting_ratio,
+        rounding(problem),
+    );
     Ok(fits.then_some(joined))
 }
-
-/// Landmarks that tie two maps: as many as a similarity needs.
-const TIES: usize = 2;
-
-/// A landmark ties when both maps know its range to this part of it: one nearly at infinity would
-/// decide the scale alone.
-const MAX_DEVIATION: f64 = 0.25;
 
 /// The first map with what the second has beyond it, moved by the similarity that fits their common
 /// landmarks best; `None` when they share fewer than two.
 ///
-/// Two shared landmarks fix the similarity and leave nothing to check it; the refinement of the
-/// whole does, by its cost.
-fn merged(problem: &Problem, first: &Map, second: &Map) -> Option<Map> {
+/// Two shared landmarks fix the similarity and leave nothing to check it; the cost of the refinement of the
+/// whole is the check.
+fn merged(
+    problem: &Problem,
+    options: &IncrementalOptions,
+    first: &Map,
+    second: &Map,
+) -> Option<Map> {
     let (mut source, mut target) = (Vec::new(), Vec::new());
     let held = |map: &Map, noise: f64, landmark: usize, point: &Point2<f64>| {
-        let bound = MAX_DEVIATION / noise;
+        let bound = options.max_deviation / noise;
         range_variance(problem, map, landmark, point) < bound * bound
     };
-    let noises = [noise(problem, first), noise(problem, second)];
+    let noises = [first, second].map(|map| noise(problem, map, options));
     for landmark in 0..problem.landmarks() {
         if let (Some(a), Some(b)) = (first.landmarks[landmark], second.landmarks[landmark])
             && held(first, noises[0], landmark, &a)
@@ -125,7 +126,7 @@ fn merged(problem: &Problem, first: &Map, second: &Map) -> Option<Map> {
             target.push(a);
         }
     }
-    if source.len() < TIES {
+    if source.len() < options.joining_landmarks {
         return None;
     }
     let similarity = align(&source, &target).ok()?;

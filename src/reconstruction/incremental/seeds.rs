@@ -2,37 +2,38 @@
 //! Where maps begin: well conditioned triples of views.
 
 use super::super::search::triples::{self, are_rivals, common_bearings};
+use super::options::IncrementalOptions;
 use crate::error::Error;
 use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
-
-/// Triples drawn per view, and at least and at most.
-const PER_VIEW: usize = 8;
-const FEWEST: usize = 64;
-const MOST: usize = 2000;
-
-/// Landmarks that the views of a seed must share: one more than the tensor needs, so that something
-/// checks it, or just enough where there is no more.
-const SHARED: [usize; 2] = [6, 5];
 
 /// Triples of views that may start a map, the best conditioned first.
 ///
 /// # Errors
 /// Why the last of them could not, when none can; `Ok` and empty when no three views share five
 /// landmarks.
-pub fn seeds(problem: &Problem, seed: u64) -> Result<Vec<[usize; 3]>, Error> {
-    let count = (PER_VIEW * problem.views()).clamp(FEWEST, MOST);
+pub fn seeds(
+    problem: &Problem,
+    options: &IncrementalOptions,
+    seed: u64,
+) -> Result<Vec<[usize; 3]>, Error> {
+    let count = (options.triples_per_view * problem.views())
+        .clamp(options.fewest_triples, options.most_triples);
     let mut found: Vec<(bool, f64, [usize; 3])> = Vec::new();
     let mut failure = None;
-    for needed in SHARED {
+    for needed in options.shared_landmarks {
         for views in triples::draw(problem, needed, count, seed) {
             if found.iter().any(|(_, _, other)| *other == views) {
                 continue;
             }
             let (triples, _) = common_bearings(problem, views);
             match CalibratedTensor::estimate(&triples, 0) {
-                Ok(tensor) => found.push((triples.len() < SHARED[0], tensor.quality(), views)),
+                Ok(tensor) => found.push((
+                    triples.len() < options.shared_landmarks[0],
+                    tensor.quality(),
+                    views,
+                )),
                 Err(error) => failure = Some(error),
             }
         }

@@ -1,196 +1,198 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! First maps from what is known besides bearings: poses, landmarks, odometry.
+//! First maps along the odometry: pieces that grow view by view, and are then laid over each other.
 //!
-//! Views that odometry ties together make a piece. A piece grows view by view along its odometry, landmarks
-//! are triangulated, and it is refined each time it has grown by half: so it never drifts far. Pieces that
-//! share landmarks are then laid over each other, whatever frame each had.
+//! Views that odometry ties together make a piece. It grows along its odometry, its landmarks are placed by what has
+//! been reached so far, and it is refined now and then, so that it never drifts far. Pieces that share landmarks are
+//! then joined, whatever frame each has. How a view, a landmark and the joint are estimated is up to a
+//! [`Placement`]: by least squares, or robustly where bearings may be wrong.
 
-use super::super::grow::{grow, resect_view};
-use super::super::options::{Progress, tell};
-use crate::adjustment::refine_map;
+use super::super::attempt::attempt;
+use super::super::options::{Progress, report_progress};
+use super::super::robust::motions::{Motion, Motions};
 use crate::error::Error;
 use crate::geometry::{Pose, align};
-use crate::kernels::triangulate;
 use crate::lm::RefineOptions;
-use crate::problem::{Map, Problem, Tie};
+use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
-use alloc::vec;
 use alloc::vec::Vec;
+use nalgebra::Point2;
 
-/// Iterations that a growing piece gets each time: it only has to stay near.
-const ITERATIONS: usize = 8;
+/// Options of the growth along odometry.
+#[derive(Clone, Copy, Debug)]
+pub struct GrowthOptions {
+    /// Views after which a piece is refined for the first time: with fewer its landmarks are hardly placed yet.
+    pub first_views: usize,
+    /// Most iterations of each refinement on the way: a piece only has to stay near its minimum.
+    pub iterations: usize,
+    /// Parallax (smaller over larger singular value of the directions of the rays) below which a landmark of a
+    /// growing piece has to wait: rays that spread by less than six degrees determine its range badly.
+    pub min_parallax: f64,
+    /// Fewest shared landmarks that lay one piece over another: as many as fix a similarity.
+    pub min_shared: usize,
+}
 
-/// Relative fall of its cost below which it is near enough.
-const NEAR_ENOUGH: f64 = 1e-2;
-
-/// Views after which a piece is refined for the first time.
-const FIRST_VIEWS: usize = 6;
-
-/// The part by which it grows until the next time, and how many views that is at least and at most: a long way
-/// by odometry alone leads out of the reach of the refinement.
-const PART: usize = 20;
-const STRIDE: (usize, usize) = (10, 100);
-
-/// Fewest landmarks that lay one piece over another.
-const MIN_SHARED: usize = 2;
-
-/// Maps from odometry and priors, the one with most views first; those after it have no tie to it.
-///
-/// # Errors
-/// [`Error::Interrupted`] when `progress` says so.
-pub fn anchored(
-    problem: &Problem,
-    options: &RefineOptions,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Map>, Error> {
-    let chains = Chains::new(problem);
-    let mut known = Map::empty(problem.views(), problem.landmarks());
-    for tie in problem.ties() {
-        match tie {
-            Tie::Landmark {
-                landmark, position, ..
-            } => known.landmarks[*landmark] = Some(*position),
-            Tie::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > 0.0) => {
-                known.poses[*view] = Some(*pose);
-            }
-            _ => {}
+impl Default for GrowthOptions {
+    fn default() -> Self {
+        Self {
+            first_views: 6,
+            iterations: 8,
+            min_parallax: 0.05,
+            min_shared: 2,
         }
     }
+}
+
+/// How the parts of a growing piece are estimated.
+pub trait Placement {
+    /// The map of what is known beforehand, in the frame of the priors; `None` where nothing is.
+    fn known(&self) -> Option<Map> {
+        None
+    }
+
+    /// Options of the refinements on the way.
+    fn refine_options(&self) -> RefineOptions;
+
+    /// At how many views a piece of `count` views is refined the next time.
+    fn next_refinement(&self, count: usize) -> usize;
+
+    /// The pose at the end of a motion, given that at its start.
+    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64>;
+
+    /// Places new landmarks that a view sees, unless they wait for the next refinement.
+    fn place_landmarks_of(&mut self, _map: &mut Map, _view: usize) {}
+
+    /// Places all landmarks anew; one whose rays do not determine it has to wait.
+    fn place_landmarks(&mut self, map: &mut Map);
+
+    /// A view that no odometry reaches, with its pose by the landmarks of the piece; `None` when there is none, or it
+    /// is better placed once all pieces are joined.
+    fn next_apart(&self, _map: &Map) -> Option<(usize, Pose<f64>)> {
+        None
+    }
+
+    /// Places the landmarks of a piece after its last refinement.
+    fn finish_piece(&mut self, _map: &mut Map) {}
+
+    /// Two pieces as one, given the landmarks that they share, in the second and in the first; `None` when
+    /// these do not fix how they lie.
+    fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map>;
+
+    /// Whether the whole is refined each time a piece has been joined.
+    fn refines_joined(&self) -> bool {
+        false
+    }
+
+    /// Adds to a map of joined pieces what its landmarks place.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
+    fn complete(&mut self, map: &mut Map) -> Result<(), Error>;
+}
+
+/// The position of a landmark in the second of two pieces, and in the first.
+pub type Shared = (Point2<f64>, Point2<f64>);
+
+/// Maps along the odometry and from what is known besides bearings, the one with most views first; those after
+/// it share too few landmarks with it. None where there is no odometry and nothing is known.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
+pub fn grow_along_odometry(
+    problem: &Problem,
+    placement: &mut impl Placement,
+    options: &GrowthOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map>, Error> {
+    let mut growth = Growth {
+        problem,
+        motions: Motions::new(problem),
+        placement,
+        options,
+        progress,
+    };
     let mut pieces = Vec::new();
-    let fixed =
-        known.landmarks.iter().any(Option::is_some) || known.poses.iter().any(Option::is_some);
-    if fixed {
-        extend(problem, &chains, &mut known, options, progress)?;
+    let known = growth.placement.known();
+    let fixed = known.is_some();
+    if let Some(mut known) = known {
+        growth.extend(&mut known)?;
         pieces.push(known);
     }
-    let mut order: Vec<usize> = (0..problem.views()).collect();
     // From the view that sees most; of equals the first.
+    let mut order: Vec<usize> = (0..problem.views()).collect();
     order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
-    for view in order {
-        let reached = |map: &Map| map.poses[view].is_some();
-        if !chains.links[view].is_empty() && !pieces.iter().any(reached) {
+    for root in order {
+        let reached = |map: &Map| map.poses[root].is_some();
+        if !growth.motions.of(root).is_empty() && !pieces.iter().any(reached) {
             let mut piece = Map::empty(problem.views(), problem.landmarks());
-            piece.poses[view] = Some(Pose::identity());
-            extend(problem, &chains, &mut piece, options, progress)?;
+            piece.poses[root] = Some(Pose::identity());
+            growth.extend(&mut piece)?;
             pieces.push(piece);
         }
     }
-    merge(problem, pieces, fixed)
+    // What is in the frame of the priors stays first, so that the others are moved into it.
+    pieces[usize::from(fixed)..].sort_by_key(|map| core::cmp::Reverse(size(map)));
+    growth.join_all(pieces)
 }
 
-/// The motions of each view, as the pose of the other end in its frame.
-struct Chains {
-    links: Vec<Vec<(usize, Pose<f64>)>>,
+/// A growth under way.
+struct Growth<'a, 'p, P> {
+    problem: &'a Problem,
+    motions: Motions,
+    placement: &'a mut P,
+    options: &'a GrowthOptions,
+    progress: &'a mut Option<Progress<'p>>,
 }
 
-impl Chains {
-    fn new(problem: &Problem) -> Self {
-        let mut links = vec![Vec::new(); problem.views()];
-        for tie in problem.ties() {
-            if let Tie::Motion {
-                start, end, delta, ..
-            } = tie
-            {
-                links[*start].push((*end, *delta));
-                links[*end].push((*start, delta.inverse()));
-            }
-        }
-        Self { links }
-    }
-}
-
-/// Grows a piece along its odometry, and where it has known landmarks by resection.
-fn extend(
-    problem: &Problem,
-    chains: &Chains,
-    map: &mut Map,
-    options: &RefineOptions,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<(), Error> {
-    let mut waiting: VecDeque<usize> = (0..map.poses.len())
-        .filter(|&view| map.poses[view].is_some())
-        .collect();
-    let mut count = waiting.len();
-    let mut next = FIRST_VIEWS.max(count);
-    loop {
-        while let Some(view) = waiting.pop_front() {
-            for (other, motion) in &chains.links[view] {
-                if map.poses[*other].is_none()
-                    && let Some(pose) = map.poses[view]
-                {
-                    map.poses[*other] = Some(pose * motion);
-                    waiting.push_back(*other);
-                    count += 1;
+impl<P: Placement> Growth<'_, '_, P> {
+    /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.
+    fn extend(&mut self, map: &mut Map) -> Result<(), Error> {
+        let mut waiting: VecDeque<usize> = (0..map.poses.len())
+            .filter(|&view| map.poses[view].is_some())
+            .collect();
+        let mut count = waiting.len();
+        let mut next = self.options.first_views.max(count);
+        loop {
+            while let Some(view) = waiting.pop_front() {
+                let Some(from) = map.poses[view] else {
+                    continue;
+                };
+                for motion in self.motions.of(view) {
+                    if map.poses[motion.end].is_none() {
+                        map.poses[motion.end] = Some(self.placement.place_view(map, &from, motion));
+                        self.placement.place_landmarks_of(map, motion.end);
+                        waiting.push_back(motion.end);
+                        count += 1;
+                    }
+                }
+                if count >= next {
+                    next = self.placement.next_refinement(count);
+                    self.refine_partial(map)?;
                 }
             }
-            if count >= next {
-                next = count + (count / PART).clamp(STRIDE.0, STRIDE.1);
-                settle(problem, map, options, (count, problem.views()), progress)?;
-            }
+            let Some((view, pose)) = self.placement.next_apart(map) else {
+                break;
+            };
+            map.poses[view] = Some(pose);
+            waiting.push_back(view);
+            count += 1;
         }
-        // The view that sees most of what there is.
-        let unseen = (0..map.poses.len()).filter(|&view| map.poses[view].is_none());
-        let best = unseen
-            .map(|view| (map.connections_of_view(problem, view), view))
-            .max_by_key(|&(seen, view)| (seen, core::cmp::Reverse(view)));
-        let Some((_, view)) = best else { break };
-        let Some((pose, _)) = resect_view(problem, map, view) else {
-            break;
+        self.refine_partial(map)?;
+        self.placement.finish_piece(map);
+        Ok(())
+    }
+
+    /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
+    fn refine_partial(&mut self, map: &mut Map) -> Result<(), Error> {
+        self.placement.place_landmarks(map);
+        let options = self.placement.refine_options();
+        let options = RefineOptions {
+            max_iterations: options.max_iterations.min(self.options.iterations),
+            ..options
         };
-        map.poses[view] = Some(pose);
-        waiting.push_back(view);
-        count += 1;
-    }
-    settle(problem, map, options, (count, problem.views()), progress)?;
-    triangulate_held(problem, map, 0.0);
-    Ok(())
-}
-
-/// Triangulates anew every landmark that is not known beforehand, as far as its rays hold it.
-///
-/// A landmark that was first seen over a short distance may have come out anywhere; once its views are
-/// refined it need not stay there.
-fn triangulate_held(problem: &Problem, map: &mut Map, least: f64) {
-    let mut known = vec![false; map.landmarks.len()];
-    for tie in problem.ties() {
-        if let Tie::Landmark { landmark, .. } = tie {
-            known[*landmark] = true;
-        }
-    }
-    for landmark in (0..known.len()).filter(|&landmark| !known[landmark]) {
-        let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s.bearing))
-        });
-        let found = triangulate(rays).ok();
-        let ahead = |behind: usize| behind == 0 || !problem.is_oriented();
-        let found = found.filter(|found| found.parallax > least && ahead(found.behind));
-        map.landmarks[landmark] = found.map(|found| found.point);
-    }
-}
-
-/// Parallax below which a landmark of a growing piece has to wait: rays that spread by less than six
-/// degrees tell its range badly.
-const MIN_PARALLAX: f64 = 0.05;
-
-/// Refines a piece a little; one that cannot be stays as it is.
-fn settle(
-    problem: &Problem,
-    map: &mut Map,
-    options: &RefineOptions,
-    (count, all): (usize, usize),
-    progress: &mut Option<Progress<'_>>,
-) -> Result<(), Error> {
-    let options = RefineOptions {
-        max_iterations: ITERATIONS.min(options.max_iterations),
-        tolerance: NEAR_ENOUGH.max(options.tolerance),
-        ..*options
-    };
-    triangulate_held(problem, map, MIN_PARALLAX);
-    let mut trial = map.clone();
-    let mut watch = |_, _| tell(progress, "odometry", count, all);
-    match refine_map(problem, &mut trial, &options, Some(&mut watch)) {
-        Ok(_) => {
+        let (done, all) = (size(map), self.problem.views());
+        let mut trial = map.clone();
+        let mut observer = |_, _| report_progress(self.progress, "odometry", done, all);
+        if attempt(self.problem, &mut trial, &options, Some(&mut observer))?.is_some() {
             // What was pruned may be reached later.
             for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
                 *place = refined.or(*place);
@@ -198,55 +200,60 @@ fn settle(
             for (place, refined) in map.landmarks.iter_mut().zip(trial.landmarks) {
                 *place = refined.or(*place);
             }
-            Ok(())
         }
-        Err(Error::Interrupted) => Err(Error::Interrupted),
-        Err(_) => Ok(()),
+        Ok(())
+    }
+
+    /// Lays pieces over the first, the one with most shared landmarks next; what cannot be joined makes maps of
+    /// its own.
+    fn join_all(&mut self, mut pieces: Vec<Map>) -> Result<Vec<Map>, Error> {
+        let mut done = Vec::new();
+        while !pieces.is_empty() {
+            let mut main = pieces.remove(0);
+            while let Some((k, shared)) = closest(&main, &pieces, self.options.min_shared) {
+                let other = pieces.remove(k);
+                if let Some(joined) = self.placement.join([&main, &other], &shared) {
+                    main = joined;
+                }
+                if self.placement.refines_joined() {
+                    self.refine_partial(&mut main)?;
+                }
+            }
+            self.placement.complete(&mut main)?;
+            done.push(main);
+        }
+        done.sort_by_key(|map| core::cmp::Reverse(size(map)));
+        Ok(done)
     }
 }
 
-/// Lays pieces over the first, as far as they share landmarks, and views without odometry onto it.
-fn merge(problem: &Problem, mut pieces: Vec<Map>, fixed: bool) -> Result<Vec<Map>, Error> {
-    let size = |map: &Map| map.poses.iter().flatten().count();
-    let from = usize::from(fixed);
-    if pieces.len() > from {
-        pieces[from..].sort_by_key(|map| core::cmp::Reverse(size(map)));
+/// Number of views in a map.
+fn size(map: &Map) -> usize {
+    map.poses.iter().flatten().count()
+}
+
+/// The piece that shares most landmarks with a map, and these, if they are enough.
+fn closest(map: &Map, pieces: &[Map], enough: usize) -> Option<(usize, Vec<Shared>)> {
+    let shared = |piece: &Map| -> Vec<Shared> {
+        let pairs = piece.landmarks.iter().zip(&map.landmarks);
+        pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect()
+    };
+    let all = pieces.iter().map(shared).enumerate();
+    let best = all.max_by_key(|(k, shared)| (shared.len(), core::cmp::Reverse(*k)));
+    best.filter(|(_, shared)| shared.len() >= enough)
+}
+
+/// The first map with what the second has beyond it, moved by the similarity that fits some shared landmarks;
+/// `None` when they do not fix one.
+pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
+    let (source, target): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
+    let moved = second.transformed(&align(&source, &target).ok()?);
+    let mut map = first.clone();
+    for (place, pose) in map.poses.iter_mut().zip(moved.poses) {
+        *place = place.or(pose);
     }
-    let mut done = Vec::new();
-    while !pieces.is_empty() {
-        let mut main = pieces.remove(0);
-        loop {
-            let shared = |map: &Map| {
-                let pairs = map.landmarks.iter().zip(&main.landmarks);
-                pairs.filter(|(a, b)| a.is_some() && b.is_some()).count()
-            };
-            let best = pieces.iter().enumerate().map(|(k, map)| (shared(map), k));
-            let best = best.max_by_key(|&(shared, k)| (shared, core::cmp::Reverse(k)));
-            let Some((_, k)) = best.filter(|(shared, _)| *shared >= MIN_SHARED) else {
-                break;
-            };
-            let piece = pieces.remove(k);
-            let pairs = piece.landmarks.iter().zip(&main.landmarks);
-            let (source, target): (Vec<_>, Vec<_>) =
-                pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).unzip();
-            if let Ok(similarity) = align(&source, &target) {
-                let piece = piece.transformed(&similarity);
-                for (place, pose) in main.poses.iter_mut().zip(piece.poses) {
-                    *place = place.or(pose);
-                }
-                for (place, point) in main.landmarks.iter_mut().zip(piece.landmarks) {
-                    *place = place.or(point);
-                }
-            }
-        }
-        let before = main.landmarks.clone();
-        grow(problem, &mut main);
-        // What was known or refined is better than a triangulation.
-        for (place, known) in main.landmarks.iter_mut().zip(before) {
-            *place = known.or(*place);
-        }
-        done.push(main);
+    for (place, point) in map.landmarks.iter_mut().zip(moved.landmarks) {
+        *place = place.or(point);
     }
-    done.sort_by_key(|map| core::cmp::Reverse(size(map)));
-    Ok(done)
+    Some(map)
 }

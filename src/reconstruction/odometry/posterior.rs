@@ -4,29 +4,37 @@
 //! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
 //! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
 //! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
-//! whose work is quadratic in the views, is left out where it could place few of many views.
+//! whose work is quadratic in the views, is left out where it could place only a few of many views.
 
-use super::super::infinity::take_out_unbounded;
-use super::super::options::{Progress, SolveOptions, tell};
+use super::super::attempt::recoverable;
+use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::judge::{is_plausible_consensus, is_plausible_posterior, refuse_minority};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
 use super::super::strategy;
-use super::growth::anchored;
+use super::growth::{GrowthOptions, grow_along_odometry};
+use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{fitted, refine_map};
 use crate::error::{Degeneracy, Error};
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::lm::{Loss, RefineOptions};
-use crate::problem::{Map, Problem, Undetermined, Why};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Standard deviations of the cost by which that of the right map may differ from its mean.
-const PLAUSIBLE: f64 = 3.0;
+/// Options of the choice of starts.
+#[derive(Clone, Copy, Debug)]
+struct PosteriorOptions {
+    /// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With fewer,
+    /// the map from bearings alone costs little and is always tried.
+    many_views: usize,
+}
 
-/// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With
-/// fewer, the map from bearings alone costs little and is always tried.
-const MANY_VIEWS: usize = 40;
+impl Default for PosteriorOptions {
+    fn default() -> Self {
+        Self { many_views: 40 }
+    }
+}
 
 /// Poses and landmarks of a problem with odometry or priors.
 ///
@@ -40,10 +48,11 @@ pub fn solve_posterior(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let many = problem.views() > MANY_VIEWS;
+    let many = problem.views() > PosteriorOptions::default().many_views;
     let mut attempts = Attempts {
         problem,
         options,
+        many,
         progress,
         found: Vec::new(),
         failure: NOTHING,
@@ -65,7 +74,9 @@ pub fn solve_posterior(
             loss,
             ..options.refine
         };
-        let grown = anchored(problem, &growing, attempts.progress)?;
+        let growth = GrowthOptions::default();
+        let mut placement = LeastSquaresPlacement::new(problem, &growing, &growth);
+        let grown = grow_along_odometry(problem, &mut placement, &growth, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
@@ -85,9 +96,9 @@ pub fn solve_posterior(
         return Err(attempts.failure);
     }
     if options.robust {
-        robust_start::refuse_minority(&attempts.found[0])?;
+        refuse_minority(&attempts.found[0])?;
     }
-    // What the best does not reach, and nothing ties to it, makes maps of its own.
+    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     for start in &starts {
         if attempts
             .found
@@ -100,13 +111,10 @@ pub fn solve_posterior(
     let mut maps = attempts.found;
     if !options.robust {
         maps.iter_mut()
-            .for_each(|map| take_out_unbounded(problem, map));
+            .for_each(|map| drop_landmarks_at_infinity(problem, map));
     }
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }
-
-/// Sightings for each outlier, of which a map has at least so many: `robust` is for up to a third.
-const MANY_SIGHTINGS: usize = 3;
 
 /// No start has led to a map.
 const NOTHING: Error = Error::Degenerate {
@@ -119,17 +127,23 @@ const NOTHING: Error = Error::Degenerate {
 struct Attempts<'a, 'p> {
     problem: &'a Problem,
     options: &'a SolveOptions,
+    /// Whether there are so many views that a plausible map is enough.
+    many: bool,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
-    /// Why the last one that could not be refined could not.
+    /// Why the last failed refinement failed.
     failure: Error,
 }
 
 impl Attempts<'_, '_> {
     /// Whether no other start is wanted.
     fn suffice(&self) -> bool {
-        let plausible = |found| is_plausible(found, self.options.robust);
-        self.problem.views() > MANY_VIEWS && self.found.iter().any(plausible)
+        let plausible = if self.options.robust {
+            is_plausible_consensus
+        } else {
+            is_plausible_posterior
+        };
+        self.many && self.found.iter().any(plausible)
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
@@ -147,19 +161,25 @@ impl Attempts<'_, '_> {
         }
         let options = &self.options.refine;
         let mut map = start.clone();
-        let mut watch = |done, _| tell(self.progress, "refine", done, options.max_iterations);
-        match refine_map(self.problem, &mut map, options, Some(&mut watch)) {
+        let mut observer =
+            |done, _| report_progress(self.progress, "refine", done, options.max_iterations);
+        match recoverable(refine_map(
+            self.problem,
+            &mut map,
+            options,
+            Some(&mut observer),
+        ))? {
             Ok(report) => {
                 let found = Reconstruction::new(self.problem, &map, report);
                 self.found.push(found);
-                Ok(())
             }
-            Err(error) => self.give_up(error),
+            Err(error) => self.failure = error,
         }
+        Ok(())
     }
 
-    /// Refines the maps from bearings alone, fitted, and as they are as well: where odometry is worth next to
-    /// nothing that may lead lower.
+    /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where these weigh
+    /// next to nothing, that may lead lower.
     fn refine_from_bearings(&mut self) -> Result<(), Error> {
         let alone = self.problem.clone().without_ties();
         let best = if self.options.robust {
@@ -167,9 +187,12 @@ impl Attempts<'_, '_> {
         } else {
             strategy::solve(&alone, self.options, self.progress)
         };
-        let best = match best {
+        let best = match recoverable(best)? {
             Ok(best) => best,
-            Err(error) => return self.give_up(error),
+            Err(error) => {
+                self.failure = error;
+                return Ok(());
+            }
         };
         let rivals = core::iter::once(&best).chain(&best.alternatives);
         for map in rivals.map(|rival| &rival.map) {
@@ -178,44 +201,10 @@ impl Attempts<'_, '_> {
         }
         Ok(())
     }
-
-    /// Goes on after an error, unless it is none of the start's.
-    fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if error.stops_all() {
-            return Err(error);
-        }
-        self.failure = error;
-        Ok(())
-    }
 }
 
 /// Whether two maps have no view in common.
 fn are_apart(a: &Map, b: &Map) -> bool {
     let mut pairs = a.poses.iter().zip(&b.poses);
     pairs.all(|(a, b)| a.is_none() || b.is_none())
-}
-
-/// Whether a map is what may be expected of the right one: it reaches all that any start would, and its cost
-/// is what the standard deviations say.
-///
-/// Where outliers are expected it is enough that they are no more than a search finds its way among: real
-/// standard deviations are never exact, and many outliers tell a wrong map whatever they are.
-fn is_plausible(found: &Reconstruction, robust: bool) -> bool {
-    let hopeless = |one: &Undetermined| match one.why {
-        // No start would reach it.
-        Why::TooFewSightings { .. } => true,
-        // Its sightings are among the outliers that are counted.
-        Why::TooFewInliers { .. } => robust,
-        _ => false,
-    };
-    if !(found.termination.was_successful() && found.undetermined.iter().all(hopeless)) {
-        return false;
-    }
-    if robust {
-        let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
-        return MANY_SIGHTINGS * outliers <= found.inliers.len();
-    }
-    let freedom = found.freedom as f64;
-    let excess = 2.0 * found.cost - freedom;
-    excess <= 0.0_f64.max(PLAUSIBLE * (2.0 * freedom).sqrt())
 }

@@ -1,21 +1,55 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Starts along the odometry that outliers do not spoil, and what they lead to.
+//!
+//! A view may see two or three landmarks only, too few to place it without odometry, and one wrong ray in a hundred
+//! is enough to spoil a triangulation by least squares. So each view is placed by its motion and its bearings
+//! together, each bearing counting the less the worse it fits, and a landmark is where most of its rays meet.
 
-use super::super::options::{Progress, SolveOptions, tell};
+use super::super::grow::score;
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
-use super::super::robust::expand::AGREEING_OF_VIEW;
-use super::super::robust::reassign::replace;
-use super::super::robust::solve::{FEW_OUTLIERS, check_sigmas, reconstruction};
-use super::robust_growth;
-use super::sweeps::{retrace, softly};
+use super::super::robust::expand::extend;
+use super::super::robust::motions::{Motion, moved};
+use super::super::robust::options::RobustOptions;
+use super::super::robust::place::{place_landmark, sets};
+use super::super::robust::reassign::reestimate_each;
+use super::super::robust::solve::{check_sigmas, reconstruction, robust_options};
+use super::growth::{GrowthOptions, Placement, Shared, grow_along_odometry, laid_over};
+use super::sweeps::{cauchy_consensus, sweep_odometry};
 use crate::error::Error;
+use crate::geometry::Pose;
+use crate::kernels::triangulate;
 use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+/// Landmarks that lay one piece over another: as many as fix a similarity. No option: the size of an array.
+const FIXING: usize = 2;
+
+/// Options of the robust growth.
+#[derive(Clone, Copy, Debug)]
+struct RobustGrowthOptions {
+    /// A piece is refined again when it has grown by one view for so many that it had: more often than by least squares, because
+    /// a wrong bearing leads astray whatever is placed after it.
+    part: usize,
+    /// Most pairs of shared landmarks by which it is tried to lay one piece over another.
+    pairs: usize,
+}
+
+impl Default for RobustGrowthOptions {
+    fn default() -> Self {
+        Self {
+            part: 4,
+            pairs: 128,
+        }
+    }
+}
+
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
+///
+/// Priors are not looked at: the maps are in frames of their own.
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
@@ -25,15 +59,128 @@ pub fn along_odometry(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     check_sigmas(problem)?;
-    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    robust_growth::follow(problem, &options.refine, &mut random, progress)
+    let problem = &problem.clone().with_motions_only();
+    let growth = GrowthOptions::default();
+    let mut placement = RobustPlacement {
+        problem,
+        robust: RobustOptions {
+            refine: RefineOptions {
+                loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
+                ..options.refine
+            },
+            ..robust_options(options)
+        },
+        min_parallax: growth.min_parallax,
+        options: RobustGrowthOptions::default(),
+        random: ChaCha8Rng::seed_from_u64(options.seed),
+    };
+    grow_along_odometry(problem, &mut placement, &growth, progress)
+}
+
+/// The placement that outliers do not spoil.
+struct RobustPlacement<'a> {
+    problem: &'a Problem,
+    robust: RobustOptions,
+    min_parallax: f64,
+    options: RobustGrowthOptions,
+    random: ChaCha8Rng,
+}
+
+impl RobustPlacement<'_> {
+    /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
+    fn place_landmark(&mut self, map: &mut Map, landmark: usize) {
+        let options = &self.robust;
+        let bound = options.growing_bound;
+        let found = place_landmark(
+            self.problem,
+            map,
+            landmark,
+            bound,
+            1,
+            options,
+            &mut self.random,
+        );
+        let Some(found) = found.first() else {
+            return;
+        };
+        let rays = map.rays(self.problem, landmark).zip(&found.agreeing);
+        let agreeing = rays
+            .filter(|(_, agrees)| **agrees)
+            .map(|((pose, s), _)| (pose, s.bearing));
+        let parallax = triangulate(agreeing).map_or(0.0, |found| found.parallax);
+        let held = found.count() >= options.agreeing_of_landmark && parallax > self.min_parallax;
+        map.landmarks[landmark] = held.then_some(found.place);
+    }
+}
+
+impl Placement for RobustPlacement<'_> {
+    fn refine_options(&self) -> RefineOptions {
+        self.robust.refine
+    }
+
+    fn next_refinement(&self, count: usize) -> usize {
+        count + count / self.options.part + 1
+    }
+
+    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
+        moved(self.problem, map, from, motion, self.robust.motion_steps)
+    }
+
+    fn place_landmarks_of(&mut self, map: &mut Map, view: usize) {
+        let problem = self.problem;
+        for s in problem.of_view(view) {
+            if map.landmarks[s.landmark].is_none() {
+                self.place_landmark(map, s.landmark);
+            }
+        }
+    }
+
+    fn place_landmarks(&mut self, map: &mut Map) {
+        for landmark in 0..self.problem.landmarks() {
+            self.place_landmark(map, landmark);
+        }
+    }
+
+    /// By the two shared landmarks with which most bearings agree, or by all of them if that is better.
+    fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
+        let mut best: Option<(f64, Map)> = None;
+        let mut offer = |pairs: &[Shared]| {
+            let Some(map) = laid_over(maps, pairs) else {
+                return;
+            };
+            let score = score(self.problem, &map);
+            if best.as_ref().is_none_or(|(least, _)| score < *least) {
+                best = Some((score, map));
+            }
+        };
+        offer(shared);
+        let most = self.options.pairs;
+        sets(
+            shared.len(),
+            most,
+            &mut self.random,
+            |set: [usize; FIXING]| {
+                offer(&set.map(|k| shared[k]));
+            },
+        );
+        best.map(|(_, map)| map)
+    }
+
+    fn refines_joined(&self) -> bool {
+        true
+    }
+
+    fn complete(&mut self, map: &mut Map) -> Result<(), Error> {
+        extend(self.problem, map, &self.robust, &mut self.random)
+    }
 }
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
-/// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
+/// placed among outliers. Its work is quadratic in the views, and in vain where most cannot be placed.
 pub fn is_searchable(problem: &Problem) -> bool {
+    let enough = RobustOptions::default().agreeing_of_view;
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
-    let enough = counts.clone().filter(|&count| count >= AGREEING_OF_VIEW);
+    let enough = counts.clone().filter(|&count| count >= enough);
     2 * enough.count() > counts.filter(|&count| count > 0).count()
 }
 
@@ -48,33 +195,15 @@ pub fn from_start(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     check_sigmas(problem)?;
-    if !tell(progress, "improve", 0, 1) {
+    if !report_progress(progress, "improve", 0, 1) {
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let plain = RefineOptions {
-        loss: Loss::Squared,
-        ..options.refine
-    };
-    let Some(settled) = softly(problem, start.clone(), &plain)? else {
+    let robust = robust_options(options);
+    let Some(consensus) = cauchy_consensus(problem, start.clone(), &robust)? else {
         return Ok(None);
     };
-    let settled = replace(problem, settled, &plain, &mut random, progress)?;
-    let settled = retrace(problem, settled, &plain, &mut random, progress)?;
-    Ok(Some(reconstruction(problem, &settled)))
-}
-
-/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
-/// they say.
-pub fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
-    let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
-    let outliers = found.inliers.len() - inliers;
-    if outliers > inliers && outliers > FEW_OUTLIERS {
-        return Err(Error::NoConsensus {
-            inliers,
-            outliers,
-            freedom: found.freedom,
-        });
-    }
-    Ok(())
+    let consensus = reestimate_each(problem, consensus, &robust, &mut random, progress)?;
+    let consensus = sweep_odometry(problem, consensus, &robust, &mut random, progress)?;
+    Ok(Some(reconstruction(problem, &consensus)))
 }

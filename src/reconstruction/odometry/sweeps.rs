@@ -1,89 +1,99 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Lower minima along the odometry.
 //!
-//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of them may
-//! come to lie where a few wrong bearings and the odometry agree. Once all landmarks are known the same views
-//! find their places one after the other; from the other end they find different ones where it matters.
+//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of views may be
+//! drawn to where a few wrong bearings and the odometry agree. Once all landmarks are known, the same views can be
+//! placed one after the other by all of them; a sweep from the other end places them differently where it matters.
 
-use super::super::options::{Progress, tell};
-use super::super::robust::consensus::{Settled, fixed_point, settle};
+use super::super::attempt::attempt;
+use super::super::options::{Progress, report_progress};
+use super::super::robust::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
 use super::super::robust::motions::{Motions, moved};
-use super::super::robust::objective::{OUTLIER, inliers};
-use super::super::robust::reassign::{relocate, replace};
-use crate::adjustment::refine_map;
+use super::super::robust::options::RobustOptions;
+use super::super::robust::reassign::{reassign, reestimate_each};
 use crate::error::Error;
 use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 
-/// Most rounds: each lowers the cost, so they end by themselves.
-const ROUNDS: usize = 10;
+/// Options of the sweeps.
+#[derive(Clone, Copy, Debug)]
+struct SweepOptions {
+    /// Most rounds: each lowers the cost, so they end by themselves.
+    rounds: usize,
+    /// A round is worth another when it has lowered the cost by more than this: that of an outlier.
+    worth: f64,
+    /// Tolerance of the refinement with Cauchy's loss: it only has to identify the inliers.
+    cauchy_tolerance: f64,
+    /// Bounds, in standard deviations, that are each tried once for the choice of the inliers: narrow ones leave out
+    /// what has bent the map, wide ones take back what that has pushed out.
+    bounds: [f64; 4],
+}
 
-/// A round is worth another when it has saved an outlier.
-const WORTH: f64 = OUTLIER * OUTLIER / 2.0;
+impl Default for SweepOptions {
+    fn default() -> Self {
+        Self {
+            rounds: 10,
+            worth: OUTLIER * OUTLIER / 2.0,
+            cauchy_tolerance: 1e-5,
+            bounds: [2.0, 4.5, 9.0, 20.0],
+        }
+    }
+}
 
-/// Tolerance of the refinement with Cauchy's loss: it only has to tell inliers.
-const ROUGHLY: f64 = 1e-5;
-
-/// Bounds, in standard deviations, within which sightings are taken for good for once: what has bent the map
-/// falls out, and what it has pushed out comes back.
-const BOUNDS: [f64; 4] = [2.0, 4.5, 9.0, 20.0];
-
-/// The fixed point that a start leads to by way of the least of Cauchy's loss, which outliers hardly move.
+/// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
 ///
 /// # Errors
 /// Those of the refinement.
-pub fn softly(
+pub fn cauchy_consensus(
     problem: &Problem,
     mut map: Map,
-    options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
+    options: &RobustOptions,
+) -> Result<Option<Consensus>, Error> {
     let soft = RefineOptions {
         loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
-        tolerance: ROUGHLY,
-        ..*options
+        tolerance: SweepOptions::default().cauchy_tolerance,
+        ..options.refine
     };
-    // What cannot be refined as a whole may still have a part that can.
-    match refine_map(problem, &mut map, &soft, None) {
-        Err(error) if error.stops_all() => return Err(error),
-        _ => {}
-    }
-    settle(problem, map, options)
+    // Where the whole cannot be refined, a part may still be.
+    attempt(problem, &mut map, &soft, None)?;
+    to_consensus(problem, map, options)
 }
 
-/// Places all views anew along the odometry, from its first views on and from its last, as long as that
-/// lowers the cost; then takes sightings for good, or for wrong, that are near the bound.
+/// Places all views anew along the odometry, from its first view on and from its last, as long as that
+/// lowers the cost; then tries other bounds for the inliers.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
-pub fn retrace(
+pub fn sweep_odometry(
     problem: &Problem,
-    mut best: Settled,
-    options: &RefineOptions,
+    mut best: Consensus,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
+    let stage = SweepOptions::default();
     let motions = Motions::new(problem);
-    for round in 0..ROUNDS {
+    for round in 0..stage.rounds {
         let cost = best.cost;
         for backward in [false, true] {
-            if !tell(progress, "improve", round, ROUNDS) {
+            if !report_progress(progress, "improve", round, stage.rounds) {
                 return Err(Error::Interrupted);
             }
-            let map = retraced(problem, &motions, &best.map, backward);
-            if let Some(found) = softly(problem, map, options)?
+            let map = swept(problem, &motions, &best.map, backward, options.motion_steps);
+            if let Some(found) = cauchy_consensus(problem, map, options)?
                 && found.is_below(&best)
             {
-                best = replace(problem, found, options, random, progress)?;
+                best = reestimate_each(problem, found, options, random, progress)?;
             }
         }
-        best = relocate(problem, best, options, random, progress)?;
-        if !(best.cost + WORTH < cost) {
+        best = reassign(problem, best, options, random, progress)?;
+        if !(best.cost + stage.worth < cost) {
             break;
         }
     }
-    for bound in BOUNDS {
+    for bound in stage.bounds {
         let kept = inliers(problem, &best.map, bound);
         let found = fixed_point(problem, best.map.clone(), kept, options)?;
         if let Some(found) = found.filter(|found| found.is_below(&best)) {
@@ -93,9 +103,9 @@ pub fn retrace(
     Ok(best)
 }
 
-/// The views of a map one after the other along the odometry, by all of its landmarks; of what hangs
-/// together the first view, or the last, stays.
-fn retraced(problem: &Problem, motions: &Motions, map: &Map, backward: bool) -> Map {
+/// The views of a map placed one after the other along the odometry, by all of its landmarks; of each set of
+/// connected views the first, or the last, stays where it is.
+fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps: usize) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);
     result.landmarks.clone_from(&map.landmarks);
@@ -112,7 +122,7 @@ fn retraced(problem: &Problem, motions: &Motions, map: &Map, backward: bool) -> 
             };
             for motion in motions.of(view) {
                 if result.poses[motion.end].is_none() {
-                    result.poses[motion.end] = Some(moved(problem, &result, &pose, motion));
+                    result.poses[motion.end] = Some(moved(problem, &result, &pose, motion, steps));
                     waiting.push_back(motion.end);
                 }
             }

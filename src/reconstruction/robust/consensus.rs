@@ -1,39 +1,74 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From a rough map to a fixed point of the bounded cost.
+//! What a robust map minimises, and the way from a rough map to a fixed point of it.
 //!
-//! Refinement and choice of the inliers in turn never raise the cost; they end where the inliers of the
-//! refined map are those that it was refined to.
+//! The bounded cost is half the sum of squared residuals over sigma, none of which counts for more than an outlier's.
+//! Refinement and choice of the inliers in turn never raise it; they end where the inliers of the refined map are
+//! those that it was refined to.
 
+use super::super::attempt::attempt;
 use super::super::judge::same;
 use super::super::result::Reconstruction;
-use super::objective::{OUTLIER, cost, inliers};
-use crate::adjustment::{Report, refine_map};
+use super::options::RobustOptions;
+use crate::adjustment::{Report, cost_of_ties};
 use crate::error::Error;
+use crate::geometry::Pose;
 use crate::lm::{Loss, RefineOptions};
-use crate::problem::{Map, Problem};
+use crate::problem::{Map, Problem, Seen};
 use alloc::vec::Vec;
+use nalgebra::Point2;
 
-/// Bounds, in standard deviations, on the way from a growing map to the final one.
-const NARROWING: [f64; 2] = [6.0, 4.0];
+/// Standard deviations beyond which a bearing is an outlier. No option: it defines the cost.
+pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 
-/// Iterations of refinement at each of them.
-pub const ITERATIONS: usize = 4;
-
-/// Most changes of the set of inliers. Each lowers the cost, so they end by themselves, after two or
-/// three as a rule.
-const CHANGES: usize = 30;
-
-/// A cost is lower when it is by more than this part: the tolerance of the refinement and more.
+/// A cost is lower when it is by more than this part: the tolerance of the refinement and more. No option: two costs
+/// nearer to each other are equal but for rounding.
 const LOWER: f64 = 1.0 - 1e-9;
 
 /// A map at a fixed point: the refinement of its inliers.
 #[derive(Clone)]
-pub struct Settled {
+pub struct Consensus {
     pub map: Map,
     pub inliers: Vec<bool>,
     /// Half the sum of squares, those of outliers bounded.
     pub cost: f64,
     pub report: Report,
+}
+
+/// The square of residual over sigma of one sighting: the one measure of how well a bearing agrees with a pose and
+/// a landmark.
+#[inline]
+pub fn square(problem: &Problem, seen: &Seen, pose: &Pose<f64>, point: &Point2<f64>) -> f64 {
+    let residual = problem.residual(pose, point, seen) * seen.weight;
+    residual * residual
+}
+
+/// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
+pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = Option<f64>> + 'a {
+    problem
+        .sightings()
+        .iter()
+        .map(|s| match (&map.poses[s.view], &map.landmarks[s.landmark]) {
+            (Some(pose), Some(point)) => Some(square(problem, s, pose, point)),
+            _ => None,
+        })
+}
+
+/// Half the sum of the squares, each at most that of `bound`, which is also what a sighting counts that the map does
+/// not reach. Odometry and priors count in full.
+pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
+    let most = bound * bound;
+    let bearings = squares(problem, map).fold(0.0, |sum, square| {
+        sum + square.map_or(most, |square| square.min(most))
+    });
+    bearings * 0.5 + cost_of_ties(problem, map)
+}
+
+/// The sightings that a map explains to within `bound` standard deviations.
+pub fn inliers(problem: &Problem, map: &Map, bound: f64) -> Vec<bool> {
+    let most = bound * bound;
+    squares(problem, map)
+        .map(|square| square.is_some_and(|square| square <= most))
+        .collect()
 }
 
 /// Refines what a map explains to within `bound`. Views and landmarks that this leaves without enough
@@ -48,7 +83,7 @@ pub fn descend(
     map: &mut Map,
     bound: f64,
     iterations: usize,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<(), Error> {
     let kept = problem.subset(&inliers(problem, map, bound));
     refined(&kept, map, iterations, options).map(|_| ())
@@ -59,22 +94,18 @@ fn refined(
     problem: &Problem,
     map: &mut Map,
     iterations: usize,
-    options: &RefineOptions,
+    options: &RobustOptions,
 ) -> Result<Option<Report>, Error> {
     let options = RefineOptions {
-        max_iterations: options.max_iterations.min(iterations),
-        ..*options
+        max_iterations: options.refine.max_iterations.min(iterations),
+        ..options.refine
     };
-    match refine_map(problem, map, &options, None) {
-        Ok(report) => Ok(Some(report)),
-        Err(error) if error.stops_all() => Err(error),
-        Err(_) => Ok(None),
-    }
+    attempt(problem, map, &options, None)
 }
 
 /// The fixed point that a set of inliers leads to.
 ///
-/// `None` when they do not hold a map.
+/// `None` when they do not determine a map.
 ///
 /// # Errors
 /// As [`descend`].
@@ -82,16 +113,16 @@ pub fn fixed_point(
     problem: &Problem,
     mut map: Map,
     mut kept: Vec<bool>,
-    options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
-    for _ in 0..CHANGES {
+    options: &RobustOptions,
+) -> Result<Option<Consensus>, Error> {
+    for _ in 0..options.inlier_changes {
         let subset = problem.subset(&kept);
         let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
             return Ok(None);
         };
         let next = inliers(problem, &map, OUTLIER);
         if next == kept {
-            return Ok(Some(Settled {
+            return Ok(Some(Consensus {
                 cost: cost(problem, &map, OUTLIER),
                 map,
                 inliers: kept,
@@ -107,19 +138,20 @@ pub fn fixed_point(
 ///
 /// # Errors
 /// As [`descend`].
-pub fn settle(
+pub fn to_consensus(
     problem: &Problem,
     mut map: Map,
-    options: &RefineOptions,
-) -> Result<Option<Settled>, Error> {
-    for bound in NARROWING {
-        descend(problem, &mut map, bound, ITERATIONS, options)?;
+    options: &RobustOptions,
+) -> Result<Option<Consensus>, Error> {
+    for bound in options.narrowing_bounds {
+        let iterations = options.narrowing_iterations;
+        descend(problem, &mut map, bound, iterations, options)?;
     }
     let kept = inliers(problem, &map, OUTLIER);
     fixed_point(problem, map, kept, options)
 }
 
-impl Settled {
+impl Consensus {
     /// The result of a plain solve of the inliers of its map.
     pub fn of(problem: &Problem, found: Reconstruction) -> Self {
         Self {

@@ -1,40 +1,33 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Single sightings, and pairs, on the other side of the bound.
+//! Single sightings, and pairs, that change from inlier to outlier or back.
 //!
-//! An outlier that has much leverage has bent the map until it fits: its residual is small, and that of
-//! the good bearing that contradicts it is large. What the residuals would be without it is foreseen to
+//! An outlier with much leverage has bent the map until it fits: its residual is small, and that of the
+//! good bearing that contradicts it is large. What the residuals would be without it is predicted to
 //! first order.
 
-use super::consensus::{Settled, fixed_point};
-use super::objective::OUTLIER;
+use super::consensus::{Consensus, OUTLIER, fixed_point};
+use super::options::RobustOptions;
 use crate::error::Error;
-use crate::lm::RefineOptions;
 use crate::problem::Problem;
 use crate::uncertainty::Leverage;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A change is tried when it is foreseen to raise twice the cost by no more than this, which is within
-/// the error of the forecast; so many of them before the best is given up, and so many successes.
-const PROMISING: f64 = 4.0;
-const TRIED: usize = 16;
-const SUCCESSES: usize = 20;
-
 /// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
 ///
-/// The residual that a sighting would have on the other side follows from its leverage, (T29); those
+/// The residual that a sighting would have after the change follows from its leverage, (T29); the changes
 /// that promise most are tried.
 ///
 /// # Errors
 /// Those of the refinement.
 pub fn exchange(
     problem: &Problem,
-    mut best: Settled,
-    options: &RefineOptions,
-) -> Result<Settled, Error> {
-    for _ in 0..SUCCESSES {
+    mut best: Consensus,
+    options: &RobustOptions,
+) -> Result<Consensus, Error> {
+    for _ in 0..options.exchange_successes {
         let mut lower = None;
-        for set in promising(problem, &best) {
+        for set in promising(problem, &best, options) {
             let mut kept = best.inliers.clone();
             for k in set {
                 kept[k] = !kept[k];
@@ -54,7 +47,7 @@ pub fn exchange(
 }
 
 /// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
-fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
+fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Vec<Vec<usize>> {
     let Some(influence) = Leverage::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };
@@ -74,13 +67,13 @@ fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
             Some((k, residual, leverage, change(sign(k), residual, leverage)))
         })
         .collect();
-    let worth = PROMISING;
+    let worth = options.promising;
     let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
     for &(k, residual, leverage, alone) in &single {
         if alone < worth {
             found.push((alone, vec![k]));
         }
-        // An inlier can only be missed by what it costs as an outlier; others may be anything.
+        // Leaving out an inlier costs at most what an outlier costs; beyond that no second change pays.
         if alone > most {
             continue;
         }
@@ -99,6 +92,6 @@ fn promising(problem: &Problem, best: &Settled) -> Vec<Vec<usize>> {
         }
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.truncate(TRIED);
+    found.truncate(options.exchange_tries);
     found.into_iter().map(|(_, set)| set).collect()
 }

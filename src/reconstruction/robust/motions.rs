@@ -1,15 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! One view against its neighbours in the odometry and the landmarks of the map.
 
-use super::objective::{OUTLIER, square};
+use super::consensus::{OUTLIER, square};
 use crate::geometry::{Pose, pose};
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Tie};
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
-
-/// Steps of Gauss-Newton for one view.
-const STEPS: usize = 10;
 
 /// A motion from a view, as the pose of its other end in its frame.
 pub struct Motion {
@@ -58,15 +55,13 @@ impl Motions {
         &self.of[view]
     }
 
-    /// Twice what a view at a pose costs as long as nothing else moves: the squares of its motions to what the
-    /// map has, and of its sightings, none of which counts for more than an outlier.
+    /// Twice the cost of a view at a pose while nothing else moves: the squares of its motions to other views of the
+    /// map, and of its sightings, each at most that of an outlier.
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
         let most = OUTLIER * OUTLIER;
         let mut cost = 0.0;
-        for s in problem.of_view(view) {
-            if let Some(point) = &map.landmarks[s.landmark] {
-                cost += square(problem, s, at, point).min(most);
-            }
+        for (point, s) in map.seen(problem, view) {
+            cost += square(problem, s, at, &point).min(most);
         }
         for motion in &self.of[view] {
             if let Some(other) = &map.poses[motion.end] {
@@ -90,15 +85,17 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
 /// The pose at the end of a motion from a known pose: the least of its square and of Cauchy's loss of the
 /// bearings of what the map has.
 ///
-/// The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
+/// At most `steps` of Gauss-Newton. The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
 /// turns.
-pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
+pub fn moved(
+    problem: &Problem,
+    map: &Map,
+    from: &Pose<f64>,
+    motion: &Motion,
+    steps: usize,
+) -> Pose<f64> {
     let predicted = from * motion.delta;
-    let seen: Vec<_> = problem
-        .of_view(motion.end)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
-        .collect();
+    let seen: Vec<_> = map.seen(problem, motion.end).collect();
     let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
     let linearize = |at: &Pose<f64>| {
         let error = motion.root * vector(&predicted.inv_mul(at));
@@ -122,7 +119,7 @@ pub fn moved(problem: &Problem, map: &Map, from: &Pose<f64>, motion: &Motion) ->
     };
     let mut best = predicted;
     let (mut cost, mut gradient, mut normal) = linearize(&best);
-    for _ in 0..STEPS {
+    for _ in 0..steps {
         let Some(factor) = normal.cholesky() else {
             break;
         };

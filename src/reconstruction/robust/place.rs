@@ -4,7 +4,8 @@
 //! The smallest sets of sightings that fix it are tried, three for a view and two for a landmark; the
 //! one with the least bounded cost is estimated anew from all that agrees with it.
 
-use super::objective::square;
+use super::consensus::square;
+use super::options::RobustOptions;
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
@@ -13,16 +14,6 @@ use nalgebra::{Complex, Point2};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Most sets that are tried for each place that is asked for. When half of the sightings are wrong, one in eight threes is good, and 64
-/// miss them all once in 5000.
-const SETS: usize = 64;
-
-/// Agreeing sightings that two places may share by chance beyond those that fix them.
-const DOUBT: usize = 2;
-
-/// Rounds of estimation from all that agrees.
-const ROUNDS: usize = 3;
-
 /// A place for a view or a landmark.
 pub struct Placed<P> {
     pub place: P,
@@ -30,7 +21,7 @@ pub struct Placed<P> {
     pub cost: f64,
     /// Which of its sightings agree with it, among those whose other end is in the map.
     pub agreeing: Vec<bool>,
-    /// Whether it has been there all the time.
+    /// Whether it is the one that the map has already.
     pub present: bool,
 }
 
@@ -93,13 +84,10 @@ pub fn place_view(
     view: usize,
     bound: f64,
     count: usize,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Pose<f64>>> {
-    let seen: Vec<(Point2<f64>, Seen)> = problem
-        .of_view(view)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, *s)))
-        .collect();
+    let seen: Vec<(Point2<f64>, &Seen)> = map.seen(problem, view).collect();
     if seen.len() < MIN_LANDMARKS_OF_VIEW {
         return Vec::new();
     }
@@ -108,7 +96,7 @@ pub fn place_view(
         seen.iter()
             .map(move |(point, s)| square(problem, s, &pose, point))
     };
-    let mut best = Best::new(bound, count, &squares);
+    let mut best = Best::new(bound, count, options, &squares);
     if let Some(pose) = map.poses[view] {
         best.offer(pose, true);
         if best.is_beyond_doubt(seen.len(), MIN_LANDMARKS_OF_VIEW) {
@@ -117,7 +105,7 @@ pub fn place_view(
     }
     sets(
         seen.len(),
-        SETS * count,
+        options.sets * count,
         random,
         |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
             if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
@@ -139,16 +127,10 @@ pub fn place_landmark(
     landmark: usize,
     bound: f64,
     count: usize,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Point2<f64>>> {
-    let rays: Vec<(Pose<f64>, Seen)> = problem
-        .of_landmark(landmark)
-        .iter()
-        .filter_map(|&k| {
-            let s = problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s))
-        })
-        .collect();
+    let rays: Vec<(Pose<f64>, &Seen)> = map.rays(problem, landmark).collect();
     if rays.len() < MIN_VIEWS_OF_LANDMARK {
         return Vec::new();
     }
@@ -157,7 +139,7 @@ pub fn place_landmark(
         rays.iter()
             .map(move |(pose, s)| square(problem, s, pose, &point))
     };
-    let mut best = Best::new(bound, count, &squares);
+    let mut best = Best::new(bound, count, options, &squares);
     if let Some(point) = map.landmarks[landmark] {
         best.offer(point, true);
         if best.is_beyond_doubt(rays.len(), MIN_VIEWS_OF_LANDMARK) {
@@ -166,7 +148,7 @@ pub fn place_landmark(
     }
     sets(
         rays.len(),
-        SETS * count,
+        options.sets * count,
         random,
         |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
             if let Some(point) = crossing(set.map(|k| &rays[k])) {
@@ -182,7 +164,7 @@ pub fn place_landmark(
 }
 
 /// Where two lines of sight cross; `None` when they are parallel.
-fn crossing(rays: [&(Pose<f64>, Seen); 2]) -> Option<Point2<f64>> {
+fn crossing(rays: [&(Pose<f64>, &Seen); 2]) -> Option<Point2<f64>> {
     let cross = |a: Complex<f64>, b: Complex<f64>| a.re * b.im - a.im * b.re;
     let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
     let [from, to] = rays.map(|(pose, _)| pose.translation.vector);
@@ -197,6 +179,7 @@ fn crossing(rays: [&(Pose<f64>, Seen); 2]) -> Option<Point2<f64>> {
 struct Best<'a, P, F> {
     most: f64,
     count: usize,
+    options: &'a RobustOptions,
     squares: &'a F,
     /// The best first.
     places: Vec<Placed<P>>,
@@ -207,10 +190,11 @@ where
     F: Fn(&P) -> I,
     I: Iterator<Item = f64>,
 {
-    fn new(bound: f64, count: usize, squares: &'a F) -> Self {
+    fn new(bound: f64, count: usize, options: &'a RobustOptions, squares: &'a F) -> Self {
         Self {
             most: bound * bound,
             count,
+            options,
             squares,
             places: Vec::with_capacity(count + 1),
         }
@@ -253,16 +237,19 @@ where
     }
 
     /// Whether only the best place is asked for and so many of all sightings agree with the present one
-    /// that none could be better: those that agree with another are among the rest, but for about as
-    /// many as fix it.
+    /// that none could be better: the sightings that agree with another place are among the rest, apart from
+    /// about as many as fix it.
     fn is_beyond_doubt(&self, all: usize, fixing: usize) -> bool {
         let present = self.places.first();
-        self.count == 1 && present.is_some_and(|present| 2 * present.count() > all + fixing + DOUBT)
+        self.count == 1
+            && present.is_some_and(|present| {
+                2 * present.count() > all + fixing + self.options.shared_by_chance
+            })
     }
 
     /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
     fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P>> {
-        for _ in 0..ROUNDS {
+        for _ in 0..self.options.place_rounds {
             let better: Vec<P> = self
                 .places
                 .iter()

@@ -5,23 +5,15 @@
 //! outlier here; signs come later.
 
 use super::super::search::triples::common_bearings;
+use super::options::RobustOptions;
 use crate::kernels::{CalibratedTensor, Motion, Triple};
 use crate::problem::Problem;
 use alloc::vec::Vec;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Landmarks of a sample: the fewest that fix the tensor.
+/// Landmarks of a sample. No option: the fewest that fix the tensor.
 pub const SAMPLE: usize = 5;
-
-/// Sampson's residual over its standard deviation at which a landmark does not agree with the tensor of
-/// a sample, which is no better than its five landmarks; and at which it does not with tensors
-/// estimated from more and more of those that do.
-const WIDE: f64 = 6.0;
-const NARROWER: [f64; 3] = [6.0, 4.5, 3.0];
-
-/// Samples of a triple that are estimated anew from all that agrees with them.
-const KEPT: usize = 3;
 
 /// Three views and the landmarks that they share.
 pub struct Common {
@@ -88,14 +80,15 @@ impl Common {
     /// The best of some random samples, estimated anew from all landmarks that agree.
     ///
     /// `None` when no sample has a motion.
-    pub fn best_seed(&self, samples: usize, random: &mut ChaCha8Rng) -> Option<Seed> {
+    pub fn best_seed(&self, options: &RobustOptions, random: &mut ChaCha8Rng) -> Option<Seed> {
         let count = self.triples.len();
         if count < SAMPLE {
             return None;
         }
         let mut order: Vec<usize> = (0..count).collect();
-        let mut kept: Vec<(f64, CalibratedTensor<f64>)> = Vec::with_capacity(KEPT + 1);
-        for _ in 0..samples {
+        let mut kept: Vec<(f64, CalibratedTensor<f64>)> =
+            Vec::with_capacity(options.kept_samples + 1);
+        for _ in 0..options.samples {
             for place in 0..SAMPLE {
                 order.swap(place, random.random_range(place..count));
             }
@@ -103,23 +96,27 @@ impl Common {
             let Ok(tensor) = CalibratedTensor::estimate(&sample, 0) else {
                 continue;
             };
-            let support = self.support(&tensor, WIDE);
+            let support = self.support(&tensor, options.sample_bound);
             let place = kept.partition_point(|(other, _)| *other >= support);
-            if place < KEPT {
+            if place < options.kept_samples {
                 kept.insert(place, (support, tensor));
-                kept.truncate(KEPT);
+                kept.truncate(options.kept_samples);
             }
         }
         kept.into_iter()
-            .map(|(_, tensor)| self.improve(tensor))
+            .map(|(_, tensor)| self.improve(tensor, options))
             .max_by(|a, b| a.0.total_cmp(&b.0))
-            .and_then(|(support, tensor)| self.seed(&tensor, support))
+            .and_then(|(support, tensor)| self.seed(&tensor, support, options.sample_bound))
     }
 
     /// Estimates a tensor anew from what agrees with it, within narrower and narrower bounds.
-    fn improve(&self, mut tensor: CalibratedTensor<f64>) -> (f64, CalibratedTensor<f64>) {
+    fn improve(
+        &self,
+        mut tensor: CalibratedTensor<f64>,
+        options: &RobustOptions,
+    ) -> (f64, CalibratedTensor<f64>) {
         let mut agreeing: Vec<Triple<f64>> = Vec::with_capacity(self.triples.len());
-        for bound in NARROWER {
+        for bound in options.narrower_bounds {
             agreeing.clear();
             agreeing.extend(self.agreeing(&tensor, bound).map(|k| self.triples[k]));
             if agreeing.len() <= SAMPLE {
@@ -130,11 +127,11 @@ impl Common {
                 Err(_) => break,
             }
         }
-        (self.support(&tensor, WIDE), tensor)
+        (self.support(&tensor, options.sample_bound), tensor)
     }
 
-    fn seed(&self, tensor: &CalibratedTensor<f64>, support: f64) -> Option<Seed> {
-        let agreeing: Vec<usize> = self.agreeing(tensor, WIDE).collect();
+    fn seed(&self, tensor: &CalibratedTensor<f64>, support: f64, bound: f64) -> Option<Seed> {
+        let agreeing: Vec<usize> = self.agreeing(tensor, bound).collect();
         let triples: Vec<Triple<f64>> = agreeing.iter().map(|&k| self.triples[k]).collect();
         let [first, second] = tensor.motions(&triples).ok()?;
         Some(Seed {

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The map that explains most of the bearings, and which these are.
 
-use super::super::infinity::take_out_unbounded;
-use super::super::judge::{assess, refuse_free};
-use super::super::options::{Progress, Search, SolveOptions, tell};
+use super::super::attempt::recoverable;
+use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::judge::{assess, refuse_chance, refuse_free};
+use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
-use super::consensus::{Settled, fixed_point, settle};
+use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
 use super::exchange::exchange;
 use super::expand::expand;
-use super::objective::{OUTLIER, inliers};
-use super::reassign::{relocate, replace};
+use super::options::RobustOptions;
+use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::error::{Degeneracy, Error};
 use crate::kernels::Motion;
@@ -22,38 +23,9 @@ use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Largest standard deviation with which outliers can be told \[rad\]: three of them to both sides are a
-/// third of the circle, and every third random bearing is no outlier.
+/// Largest standard deviation with which outliers can be identified \[rad\]: three of them to both sides are a
+/// third of the circle, so every third random bearing would be an inlier. No option: a bound of the method.
 const COARSEST: f64 = 0.35;
-
-/// Triples of views that samples are drawn from in a round, and samples of each: when three bearings in
-/// ten are wrong, three samples in a hundred are good.
-const TRIPLES: usize = 16;
-const SAMPLES: usize = 40;
-
-/// Seeds that are grown in a round, and most rounds: all of them take a second or two at 12 x 15, where
-/// half of the bearings are wrong.
-const GROWN: usize = 6;
-const ROUNDS: usize = 24;
-
-/// Most triples in all; rounds beyond them draw new samples of the same.
-const ALL_TRIPLES: usize = 128;
-
-/// Good samples that are wanted before the search ends without a confirmation: not every one is exact
-/// enough to lead to the map.
-const GOOD_SAMPLES: f64 = 30.0;
-
-/// Two maps confirm each other when they share so many in a hundred of their inliers.
-const CONFIRMS: usize = 95;
-
-/// The lowest minima in which sightings are exchanged before the best is chosen.
-const POLISHED: usize = 3;
-
-/// Another minimum is a rival when it costs no more than two outliers more.
-const RIVAL: f64 = OUTLIER * OUTLIER;
-
-/// Plain hypotheses that are followed when no three views share enough landmarks for a sample.
-const PLAIN: usize = 6;
 
 /// The map that explains most of the bearings, and which these are.
 ///
@@ -65,18 +37,17 @@ pub fn solve_robust(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     check_sigmas(problem)?;
-    // Outliers are told apart here; what is left counts with its squares.
+    let robust = &robust_options(options);
     let options = &SolveOptions {
-        refine: RefineOptions {
-            loss: Loss::Squared,
-            ..options.refine
-        },
+        refine: robust.refine,
         ..*options
     };
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let best = lowest(problem, options, &mut random, progress)?;
-    let best = improve(problem, best, options, &mut random, progress)?;
-    let [best, rivals @ ..] = &last_word(problem, best, options, progress)?[..] else {
+    let best = lowest(problem, options, robust, &mut random, progress)?;
+    let best = improve(problem, best, robust, &mut random, progress)?;
+    let [best, rivals @ ..] =
+        &confirm_by_plain_search(problem, best, options, robust, progress)?[..]
+    else {
         return Err(NOTHING);
     };
     let mut found = reconstruction(problem, best);
@@ -89,27 +60,18 @@ pub fn solve_robust(
     Ok(found)
 }
 
-/// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
-/// unknowns, and a few more.
-fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
-    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
-    let share = found.freedom as f64 / outliers as f64;
-    if outliers > FEW_OUTLIERS && share < CONSENSUS {
-        return Err(Error::NoConsensus {
-            inliers: found.inliers.len() - outliers,
-            outliers,
-            freedom: found.freedom,
-        });
+/// The options of this stage for those of a solve.
+///
+/// Outliers are told apart by this stage; what is left counts with its squares.
+pub fn robust_options(options: &SolveOptions) -> RobustOptions {
+    RobustOptions {
+        refine: RefineOptions {
+            loss: Loss::Squared,
+            ..options.refine
+        },
+        ..RobustOptions::default()
     }
-    Ok(())
 }
-
-/// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a
-/// tenth, scenes with three outliers in ten one or more.
-const CONSENSUS: f64 = 0.25;
-
-/// So few outliers are no sign of chance, however few bearings there are.
-pub const FEW_OUTLIERS: usize = 2;
 
 /// No seed has led to a map.
 const NOTHING: Error = Error::Degenerate {
@@ -141,106 +103,111 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
 fn lowest(
     problem: &Problem,
     options: &SolveOptions,
+    robust: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
-    let commons: Vec<Common> = triples::draw(problem, SAMPLE, ALL_TRIPLES, options.seed)
+) -> Result<Consensus, Error> {
+    let commons: Vec<Common> = triples::draw(problem, SAMPLE, robust.all_triples, options.seed)
         .into_iter()
         .map(|views| Common::new(problem, views))
         .collect();
     if commons.is_empty() {
-        return from_plain(problem, options, random, progress);
+        return from_plain_hypotheses(problem, options.seed, robust, random, progress);
     }
-    let mut found: Vec<(Settled, [usize; 3])> = Vec::new();
-    for round in 0..ROUNDS {
-        if !tell(progress, "search", round, ROUNDS) {
+    let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
+    for round in 0..robust.rounds {
+        if !report_progress(progress, "search", round, robust.rounds) {
             return Err(Error::Interrupted);
         }
-        let some = commons.iter().cycle().skip(round * TRIPLES % commons.len());
+        let some = commons
+            .iter()
+            .cycle()
+            .skip(round * robust.triples % commons.len());
         let mut seeds: Vec<Seed> = some
-            .take(TRIPLES)
-            .filter_map(|common| common.best_seed(SAMPLES, random))
+            .take(robust.triples)
+            .filter_map(|common| common.best_seed(robust, random))
             .collect();
         seeds.sort_by(|a, b| b.support.total_cmp(&a.support));
-        for (done, seed) in seeds.iter().take(GROWN).enumerate() {
-            if !tell(progress, "grow", done, GROWN) {
+        for (done, seed) in seeds.iter().take(robust.grown).enumerate() {
+            if !report_progress(progress, "grow", done, robust.grown) {
                 return Err(Error::Interrupted);
             }
             for motion in branches(problem, seed) {
-                let map = expand(problem, seed, motion, &options.refine, random)?;
-                let Some(settled) = settle(problem, map, &options.refine)? else {
+                let map = expand(problem, seed, motion, robust, random)?;
+                let Some(consensus) = to_consensus(problem, map, robust)? else {
                     continue;
                 };
-                let settled = replace(problem, settled, &options.refine, random, progress)?;
-                let confirmed = confirms(&found, &settled, seed.views);
-                found.push((settled, seed.views));
+                let consensus = reestimate_each(problem, consensus, robust, random, progress)?;
+                let confirmed = confirms(&found, &consensus, seed.views, robust);
+                found.push((consensus, seed.views));
                 if confirmed {
-                    return polished(problem, found, options);
+                    return exchanged(problem, found, robust);
                 }
             }
         }
-        let drawn = (round + 1) * TRIPLES * SAMPLES;
-        if best_of(found.iter().map(|(settled, _)| settled))
-            .is_ok_and(|best| drawn as f64 * good_samples(best) > GOOD_SAMPLES)
+        let drawn = (round + 1) * robust.triples * robust.samples;
+        if best_of(found.iter().map(|(consensus, _)| consensus))
+            .is_ok_and(|best| drawn as f64 * good_samples(best) > robust.good_samples)
         {
             break;
         }
     }
-    polished(problem, found, options)
+    exchanged(problem, found, robust)
 }
 
 /// The best of some minima, once sightings have been exchanged in the lowest few.
-fn polished(
+fn exchanged(
     problem: &Problem,
-    found: Vec<(Settled, [usize; 3])>,
-    options: &SolveOptions,
-) -> Result<Settled, Error> {
-    let mut found: Vec<Settled> = found.into_iter().map(|(settled, _)| settled).collect();
+    found: Vec<(Consensus, [usize; 3])>,
+    options: &RobustOptions,
+) -> Result<Consensus, Error> {
+    let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
-    found.truncate(POLISHED);
-    let polished: Result<Vec<_>, Error> = found
+    found.truncate(options.exchanged);
+    let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
-        .map(|settled| exchange(problem, settled, &options.refine))
+        .map(|consensus| exchange(problem, consensus, options))
         .collect();
-    best_of(polished?.into_iter())
+    best_of(exchanged?.into_iter())
 }
 
 /// Whether a minimum is as low as any, and another triple of views has led to nearly the same.
-fn confirms(found: &[(Settled, [usize; 3])], settled: &Settled, views: [usize; 3]) -> bool {
-    found
+fn confirms(
+    found: &[(Consensus, [usize; 3])],
+    consensus: &Consensus,
+    views: [usize; 3],
+    options: &RobustOptions,
+) -> bool {
+    found.iter().all(|(other, _)| {
+        other.cost >= consensus.cost || other.agrees(consensus, options.confirming_percent)
+    }) && found
         .iter()
-        .all(|(other, _)| other.cost >= settled.cost || other.agrees(settled, CONFIRMS))
-        && found
-            .iter()
-            .any(|(other, from)| *from != views && other.agrees(settled, CONFIRMS))
+        .any(|(other, from)| *from != views && other.agrees(consensus, options.confirming_percent))
 }
 
 /// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
-fn good_samples(best: &Settled) -> f64 {
+fn good_samples(best: &Consensus) -> f64 {
     let inliers = best.inliers.iter().filter(|inlier| **inlier).count();
     let share = inliers as f64 / best.inliers.len() as f64;
     (0..3 * SAMPLE).fold(1.0, |product, _| product * share)
 }
 
-/// The minimum that the plain hypotheses lead to: for problems too small for samples.
-fn from_plain(
+/// The minimum that the plain hypotheses lead to, where problems are too small for samples.
+fn from_plain_hypotheses(
     problem: &Problem,
-    options: &SolveOptions,
+    seed: u64,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
-    let search = Search::default();
-    let hypotheses = hypotheses::search(problem, search, options.seed, progress)?;
+) -> Result<Consensus, Error> {
+    let search = SearchOptions::default();
+    let hypotheses = hypotheses::search(problem, &search, seed, progress)?;
     let mut found = Vec::new();
-    for hypothesis in hypotheses.maps.into_iter().take(PLAIN) {
-        if let Some(settled) = settle(problem, hypothesis.map, &options.refine)? {
-            found.push(replace(
-                problem,
-                settled,
-                &options.refine,
-                random,
-                progress,
+    for hypothesis in hypotheses.maps.into_iter().take(options.plain_hypotheses) {
+        if let Some(consensus) = to_consensus(problem, hypothesis.map, options)? {
+            found.push(reestimate_each(
+                problem, consensus, options, random, progress,
             )?);
         }
     }
@@ -248,10 +215,10 @@ fn from_plain(
 }
 
 /// The one with the least cost.
-fn best_of<S: core::borrow::Borrow<Settled>>(found: impl Iterator<Item = S>) -> Result<S, Error> {
+fn best_of<S: core::borrow::Borrow<Consensus>>(found: impl Iterator<Item = S>) -> Result<S, Error> {
     found
         .min_by(|a, b| {
-            let [a, b] = [a, b].map(|settled| settled.borrow().cost);
+            let [a, b] = [a, b].map(|consensus| consensus.borrow().cost);
             a.total_cmp(&b)
         })
         .ok_or(NOTHING)
@@ -269,19 +236,19 @@ fn branches<'a>(
 /// Lowers the best map as far as single changes go.
 fn improve(
     problem: &Problem,
-    mut best: Settled,
-    options: &SolveOptions,
+    mut best: Consensus,
+    options: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Settled, Error> {
+) -> Result<Consensus, Error> {
     loop {
-        if !tell(progress, "improve", 0, 1) {
+        if !report_progress(progress, "improve", 0, 1) {
             return Err(Error::Interrupted);
         }
-        best = exchange(problem, best, &options.refine)?;
+        best = exchange(problem, best, options)?;
         let cost = best.cost;
-        best = replace(problem, best, &options.refine, random, progress)?;
-        best = relocate(problem, best, &options.refine, random, progress)?;
+        best = reestimate_each(problem, best, options, random, progress)?;
+        best = reassign(problem, best, options, random, progress)?;
         // Each round lowers the cost by more than rounding, or is the last.
         if !(best.cost < cost) {
             return Ok(best);
@@ -289,58 +256,55 @@ fn improve(
     }
 }
 
-/// The best map and its rivals, once the plain search has seen the inliers: it knows the second motion
-/// of three views, and on good bearings robust and plain solve agree.
-fn last_word(
+/// The best map and its rivals after a plain search over the inliers: it finds the second motion of three views
+/// as well, and makes robust and plain solve agree on good bearings.
+fn confirm_by_plain_search(
     problem: &Problem,
-    best: Settled,
+    best: Consensus,
     options: &SolveOptions,
+    robust: &RobustOptions,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Vec<Settled>, Error> {
+) -> Result<Vec<Consensus>, Error> {
     let options = SolveOptions {
         robust: false,
         ..*options
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
-    match strategy::solve(&kept, &options, progress) {
-        Ok(mut found) => {
-            let rivals = core::mem::take(&mut found.alternatives);
-            for found in core::iter::once(found).chain(rivals) {
-                if inliers(problem, &found.map, OUTLIER) == best.inliers {
-                    all.push(Settled::of(problem, found));
-                } else {
-                    let inliers = best.inliers.clone();
-                    all.extend(fixed_point(problem, found.map, inliers, &options.refine)?);
-                }
+    // What the plain search cannot solve may still have been found.
+    if let Ok(mut found) = recoverable(strategy::solve(&kept, &options, progress))? {
+        let rivals = core::mem::take(&mut found.alternatives);
+        for found in core::iter::once(found).chain(rivals) {
+            if inliers(problem, &found.map, OUTLIER) == best.inliers {
+                all.push(Consensus::of(problem, found));
+            } else {
+                let inliers = best.inliers.clone();
+                all.extend(fixed_point(problem, found.map, inliers, robust)?);
             }
         }
-        Err(error) if error.stops_all() => return Err(error),
-        // What the plain search cannot solve may still have been found.
-        Err(_) => {}
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     // Where they are the same, the map of the plain search is the one.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
-    let mut distinct: Vec<Settled> = Vec::new();
-    for settled in all {
-        let limit = distinct.first().map(|best| best.cost + RIVAL);
-        if limit.is_none_or(|limit| settled.cost < limit)
-            && distinct.iter().all(|other| !other.is_same(&settled))
+    let mut distinct: Vec<Consensus> = Vec::new();
+    for consensus in all {
+        let limit = distinct.first().map(|best| best.cost + robust.rival_cost);
+        if limit.is_none_or(|limit| consensus.cost < limit)
+            && distinct.iter().all(|other| !other.is_same(&consensus))
         {
-            distinct.push(settled);
+            distinct.push(consensus);
         }
     }
     Ok(distinct)
 }
 
 /// What is known of a map: made from its inliers, with the residuals of all.
-pub fn reconstruction(problem: &Problem, best: &Settled) -> Reconstruction {
+pub fn reconstruction(problem: &Problem, best: &Consensus) -> Reconstruction {
     let kept = problem.subset(&best.inliers);
     let mut found = Reconstruction::new(&kept, &best.map, best.report.clone());
     let map: Map = found.map.clone();
-    take_out_unbounded(&kept, &mut found);
+    drop_landmarks_at_infinity(&kept, &mut found);
     assess(&kept, &mut found);
     found.cost = best.cost;
     found.residuals = vec![None; problem.sightings().len()];

@@ -3,7 +3,7 @@
 
 use super::super::grow::{grow, score};
 use super::super::judge::near;
-use super::super::options::{Progress, Search, tell};
+use super::super::options::{Progress, SearchOptions, report_progress};
 use super::tensor_circle::{Circle, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
@@ -11,9 +11,32 @@ use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Fewest landmarks that three views must share to start a map, and with a fourth view to help.
+/// Fewest landmarks that three views must share to start a map, and with a fourth view to help. No options: with
+/// fewer the geometry has no finite number of solutions.
 pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
+
+/// Options of the choice among hypotheses.
+#[derive(Clone, Copy, Debug)]
+struct HypothesisOptions {
+    /// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+    max_sweeps: usize,
+    /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
+    /// minimum.
+    cluster: f64,
+    /// Most clusters that are looked at.
+    max_distinct: usize,
+}
+
+impl Default for HypothesisOptions {
+    fn default() -> Self {
+        Self {
+            max_sweeps: 4,
+            cluster: 0.05,
+            max_distinct: 60,
+        }
+    }
+}
 
 /// A first map.
 pub struct Hypothesis {
@@ -41,7 +64,7 @@ type Scored = Vec<(f64, Hypothesis)>;
 /// Maps grown from many triples of views, the best score first.
 pub fn search(
     problem: &Problem,
-    search: Search,
+    search: &SearchOptions,
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Hypotheses, Error> {
@@ -69,7 +92,7 @@ pub fn search(
     let mut failure = None;
     let mut seeds = Vec::with_capacity(drawn.len());
     for (done, &views) in drawn.iter().enumerate() {
-        if !tell(progress, "search", done, drawn.len()) {
+        if !report_progress(progress, "search", done, drawn.len()) {
             return Err(Error::Interrupted);
         }
         let (triples, _) = common_bearings(problem, views);
@@ -82,7 +105,7 @@ pub fn search(
     let mut scored: Scored = Vec::new();
     let total = seeds.len().min(search.grown);
     for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
-        if !tell(progress, "grow", triple, total) {
+        if !report_progress(progress, "grow", triple, total) {
             return Err(Error::Interrupted);
         }
         match three_view(triples, Method::Calibrated { reweights: 1 }) {
@@ -103,7 +126,7 @@ pub fn search(
     }
     let four = drawn.is_empty() && problem.views() > 3;
     if four {
-        let count = search.triples.min(MAX_SWEEPS);
+        let count = search.triples.min(HypothesisOptions::default().max_sweeps);
         let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
         scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
     }
@@ -153,7 +176,7 @@ fn sweep(
 ) -> Result<Scored, Error> {
     let mut scored = Vec::new();
     for (triple, &views) in triples.iter().enumerate() {
-        if !tell(progress, "search", triple, triples.len()) {
+        if !report_progress(progress, "search", triple, triples.len()) {
             return Err(Error::Interrupted);
         }
         let found = along_circle(problem, views, circle).into_iter();
@@ -180,7 +203,7 @@ fn too_few_shared(problem: &Problem) -> Error {
     )
 }
 
-/// The same, for a method that needs so many.
+/// The error of a method that needs so many shared landmarks.
 pub fn too_few(problem: &Problem, needed: usize) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
@@ -189,30 +212,21 @@ pub fn too_few(problem: &Problem, needed: usize) -> Error {
     }
 }
 
-/// The best of each cluster of maps, up to [`MAX_DISTINCT`].
+/// The best of each cluster of maps, up to so many.
 fn distinct(scored: Scored) -> Vec<Hypothesis> {
+    let options = HypothesisOptions::default();
     let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
     for found in ranked(scored) {
         let normalized = found.map.normalized();
         if kept
             .iter()
-            .all(|(_, other)| !near(&normalized, other, CLUSTER))
+            .all(|(_, other)| !near(&normalized, other, options.cluster))
         {
             kept.push((found, normalized));
-            if kept.len() == MAX_DISTINCT {
+            if kept.len() == options.max_distinct {
                 break;
             }
         }
     }
     kept.into_iter().map(|(found, _)| found).collect()
 }
-
-/// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
-const MAX_SWEEPS: usize = 4;
-
-/// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in
-/// the same minimum.
-const CLUSTER: f64 = 0.05;
-
-/// Most clusters that are looked at.
-const MAX_DISTINCT: usize = 60;

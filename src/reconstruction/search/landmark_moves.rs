@@ -3,37 +3,49 @@
 //!
 //! The cost of one landmark, the views held fixed, may have several minima: on a view, at infinity,
 //! and in between. Two minima of the whole often differ in such a place and little else, and no
-//! hypothesis that is linear in the landmarks can tell them apart.
+//! hypothesis that is linear in the landmarks distinguishes them.
 
 use crate::kernels::triangulate;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
-/// A place is worth a refinement when the cost there, with the views where they are, is higher by at
-/// most so many times the variance of the residuals.
-const WORTH: f64 = 10.0;
+/// Options of other places for landmarks. Lengths are in sizes of the map: root-mean-square distance of the views.
+#[derive(Clone, Copy, Debug)]
+struct MoveOptions {
+    /// A place is worth a refinement when the cost there, with the views where they are, is higher by at most so many
+    /// times the variance of the residuals.
+    worth: f64,
+    /// How far off a view a landmark begins, and how far it must be from where it was.
+    off: f64,
+    /// How far out a landmark begins that may be at infinity.
+    away: f64,
+}
 
-/// A landmark begins off its view by this part of the size of the map, and at so many sizes from it.
-const OFF: f64 = 0.02;
-const AWAY: f64 = 30.0;
+impl Default for MoveOptions {
+    fn default() -> Self {
+        Self {
+            worth: 10.0,
+            off: 0.02,
+            away: 30.0,
+        }
+    }
+}
 
 /// Maps that differ from a minimum in the place of one landmark, the most promising first.
 ///
 /// `variance` is that of the residuals over sigma.
 pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> {
-    let slack = WORTH * variance;
+    let MoveOptions { worth, off, away } = MoveOptions::default();
+    let slack = worth * variance;
     let mut found: Vec<(f64, usize, Point2<f64>)> = Vec::new();
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };
         let cost = |place: &Point2<f64>, but: Option<usize>, bound: f64| {
             let mut sum = 0.0;
-            for &k in problem.of_landmark(landmark) {
-                let s = &problem.sightings()[k];
-                if let Some(pose) = &map.poses[s.view]
-                    && but != Some(k)
-                {
-                    let residual = problem.residual(pose, place, s) * s.weight;
+            for (pose, s) in map.rays(problem, landmark) {
+                if but != Some(s.view) {
+                    let residual = problem.residual(&pose, place, s) * s.weight;
                     sum += residual * residual * 0.5;
                     if sum > bound {
                         return None;
@@ -48,29 +60,23 @@ pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> 
         };
         let mut add = |place: Point2<f64>, but: Option<usize>, begin: Point2<f64>| {
             if let Some(there) = cost(&place, but, now + slack)
-                && (begin - point).norm() > OFF
+                && (begin - point).norm() > off
             {
                 found.push((there - now, landmark, begin));
             }
         };
         let mut direction = Vector2::zeros();
-        for &k in problem.of_landmark(landmark) {
-            let s = &problem.sightings()[k];
-            if let Some(pose) = &map.poses[s.view] {
-                let ray = pose.rotation.into_inner() * s.bearing.into_inner();
-                let ray = Vector2::new(ray.re, ray.im);
-                let view = Point2::from(pose.translation.vector);
-                direction += ray;
-                add(view, Some(k), view + ray * OFF);
-            }
+        for (pose, s) in map.rays(problem, landmark) {
+            let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+            let ray = Vector2::new(ray.re, ray.im);
+            let view = Point2::from(pose.translation.vector);
+            direction += ray;
+            add(view, Some(s.view), view + ray * off);
         }
-        let far = Point2::from(direction * (AWAY / direction.norm()));
-        add(Point2::from(far.coords * AWAY), None, far);
-        let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-            let s = &problem.sightings()[k];
-            map.poses[s.view].map(|pose| (pose, s.bearing))
-        });
-        if let Ok(found) = triangulate(rays) {
+        let far = Point2::from(direction * (away / direction.norm()));
+        add(Point2::from(far.coords * away), None, far);
+        let rays = map.rays(problem, landmark);
+        if let Ok(found) = triangulate(rays.map(|(pose, s)| (pose, s.bearing))) {
             add(found.point, None, found.point);
         }
     }

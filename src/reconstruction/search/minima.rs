@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
 //!
-//! A hypothesis in the basin of a good minimum gets there in a few iterations; what has not converged
-//! by then is in a bad one or hardly determined. So all candidates get a few iterations, and the best of
-//! the unfinished go on. It is enough when a minimum is as low as the noise says it must be, or two
-//! triples of views have led to it.
+//! A hypothesis in the basin of a good minimum converges in a few iterations; what has not converged by then is in
+//! the basin of a bad one or hardly determined. So all candidates get a few iterations, and the best of those that
+//! have not converged go on. The search ends when a minimum is as low as the noise predicts, or two triples of views
+//! have led to it.
 
-use super::super::judge::{SAME_COST, is_plausible, same};
-use super::super::options::{Progress, tell};
+use super::super::attempt::recoverable;
+use super::super::judge::{SAME_COST, is_plausible, same, variance};
+use super::super::options::{Progress, report_progress};
 use super::super::result::Reconstruction;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
@@ -17,36 +18,52 @@ use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
+/// Options of the way from hypotheses to minima.
+#[derive(Clone, Copy, Debug)]
+struct MinimaOptions {
+    /// Iterations that every candidate gets: in the basin of a good minimum it gets there in fewer.
+    first_iterations: usize,
+    /// Most unfinished candidates that go on.
+    max_finished: usize,
+    /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+    hopeless_ratio: f64,
+    /// Fewest degrees of freedom with which the cost alone identifies the right minimum when the first iterations
+    /// did not reach it: more of these are wrong.
+    sure_freedom: usize,
+    /// Other places of landmarks that are tried in a round.
+    moves: usize,
+    /// Rounds of such tries, each of which must have lowered the cost.
+    move_rounds: usize,
+    /// Iterations that each of them gets: what is not better by then is slow because it is worse.
+    moved_iterations: usize,
+}
+
+impl Default for MinimaOptions {
+    fn default() -> Self {
+        Self {
+            first_iterations: 8,
+            max_finished: 3,
+            hopeless_ratio: 30.0,
+            sure_freedom: 45,
+            moves: 4,
+            move_rounds: 3,
+            moved_iterations: 30,
+        }
+    }
+}
+
 /// Minima found so far, and starts that are not there yet.
 pub struct Minima<'a, 'p> {
     problem: &'a Problem,
     options: &'a RefineOptions,
+    stage: MinimaOptions,
     pub progress: &'a mut Option<Progress<'p>>,
     /// With the number of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
     unfinished: Vec<(Reconstruction, usize)>,
-    /// Why the last start that could not be refined could not.
+    /// Why the last failed refinement failed.
     failure: Option<Error>,
 }
-
-/// Iterations that every candidate gets.
-const FIRST_ITERATIONS: usize = 8;
-
-/// Most unfinished candidates that go on.
-const MAX_FINISHED: usize = 3;
-
-/// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
-const HOPELESS: f64 = 30.0;
-
-/// Fewest degrees of freedom for which the cost alone tells the right minimum when it took its time: wrong ones more often do.
-const SURE_FREEDOM: usize = 45;
-
-/// Other places of landmarks that are tried at a time, and how often.
-const MOVES: usize = 4;
-const ROUNDS: usize = 3;
-
-/// Iterations that each of them gets: what is not better by then is slow because it is worse.
-const MOVED_ITERATIONS: usize = 30;
 
 impl<'a, 'p> Minima<'a, 'p> {
     pub fn new(
@@ -57,6 +74,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         Self {
             problem,
             options,
+            stage: MinimaOptions::default(),
             progress,
             minima: Vec::new(),
             unfinished: Vec::new(),
@@ -75,7 +93,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         stop: bool,
     ) -> Result<bool, Error> {
         let total = hypotheses.len();
-        let first = self.options.max_iterations.min(FIRST_ITERATIONS);
+        let first = self.options.max_iterations.min(self.stage.first_iterations);
         for (done, Hypothesis { map, triple }) in hypotheses.enumerate() {
             let Some(found) = self.refine(map, first, 0, (done, total))? else {
                 continue;
@@ -110,12 +128,17 @@ impl<'a, 'p> Minima<'a, 'p> {
     pub fn finish(&mut self, all: bool) -> Result<bool, Error> {
         let mut unfinished = core::mem::take(&mut self.unfinished);
         unfinished.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
-        let total = if all { unfinished.len() } else { MAX_FINISHED };
+        let total = if all {
+            unfinished.len()
+        } else {
+            self.stage.max_finished
+        };
         let mut done = 0;
         for (found, triple) in unfinished {
             // Of exact bearings there may be several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
-                other.termination != Termination::ZeroResidual && found.cost > other.cost * HOPELESS
+                other.termination != Termination::ZeroResidual
+                    && found.cost > other.cost * self.stage.hopeless_ratio
             });
             if hopeless {
                 continue;
@@ -128,7 +151,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             let left = self.options.max_iterations.saturating_sub(used);
             if let Some(found) = self.refine(found.map, left, used, (done, total))? {
                 let beyond_doubt = !all
-                    && found.freedom >= SURE_FREEDOM
+                    && found.freedom >= self.stage.sure_freedom
                     && (is_plausible(&found) || self.confirms(&found, triple));
                 self.minima.push((found, triple));
                 if beyond_doubt {
@@ -152,7 +175,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// # Errors
     /// As [`Minima::try_out`].
     pub fn move_landmarks(&mut self) -> Result<(), Error> {
-        for _ in 0..ROUNDS {
+        for _ in 0..self.stage.move_rounds {
             let lowest = self
                 .minima
                 .iter()
@@ -163,12 +186,11 @@ impl<'a, 'p> Minima<'a, 'p> {
                 break;
             }
             let cost = best.cost;
-            let variance = 2.0 * cost / (best.freedom as f64);
-            let maps = moved_landmarks(self.problem, &best.map, variance);
-            let total = maps.len().min(MOVES);
+            let maps = moved_landmarks(self.problem, &best.map, variance(best));
+            let total = maps.len().min(self.stage.moves);
             let mut lower = false;
-            for (done, map) in maps.into_iter().take(MOVES).enumerate() {
-                let iterations = self.options.max_iterations.min(MOVED_ITERATIONS);
+            for (done, map) in maps.into_iter().take(self.stage.moves).enumerate() {
+                let iterations = self.options.max_iterations.min(self.stage.moved_iterations);
                 if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
                     lower |= found.cost < cost * SAME_COST;
                     self.minima.push((found, usize::MAX));
@@ -204,14 +226,13 @@ impl<'a, 'p> Minima<'a, 'p> {
             max_iterations,
             ..*self.options
         };
-        let mut watch = |_, _| tell(self.progress, "refine", done, total);
-        match refine_map(self.problem, &mut map, &options, Some(&mut watch)) {
+        let mut observer = |_, _| report_progress(self.progress, "refine", done, total);
+        let refined = refine_map(self.problem, &mut map, &options, Some(&mut observer));
+        match recoverable(refined)? {
             Ok(mut report) => {
                 report.iterations += used;
                 Ok(Some(Reconstruction::new(self.problem, &map, report)))
             }
-            Err(error) if error.stops_all() => Err(error),
-            // A hypothesis that cannot even be refined is none.
             Err(error) => {
                 self.failure = Some(error);
                 Ok(None)

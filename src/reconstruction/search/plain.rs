@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The search from bearings alone without outliers: hypotheses, refinement, choice.
 
-use super::super::infinity::take_out_unbounded;
+use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::choose;
-use super::super::options::{Progress, Search, SolveOptions};
+use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::hypotheses;
 use super::minima::Minima;
@@ -16,11 +16,11 @@ use crate::problem::{Map, Problem};
 /// As [`solve`](super::super::solve).
 pub fn lowest(
     problem: &Problem,
-    search: Search,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut hypotheses = hypotheses::search(problem, search, options.seed, progress)?;
+    let mut hypotheses = hypotheses::search(problem, &options.search, options.seed, progress)?;
+    let search = &options.search;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
     let mut minima = Minima::new(problem, &options.refine, progress);
     if hypotheses.unique {
@@ -66,9 +66,9 @@ pub fn from_map(
 /// The best of the minima with its rivals.
 fn best_of(problem: &Problem, minima: Minima<'_, '_>) -> Result<Reconstruction, Error> {
     let mut best = choose(problem, minima.into_found()?)?;
-    take_out_unbounded(problem, &mut best);
+    drop_landmarks_at_infinity(problem, &mut best);
     for rival in &mut best.alternatives {
-        take_out_unbounded(problem, rival);
+        drop_landmarks_at_infinity(problem, rival);
     }
     Ok(best)
 }

@@ -9,13 +9,25 @@ use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Views up to which all triples are listed; beyond, they are drawn.
-const LISTED_VIEWS: usize = 40;
+/// Options of the draw of triples.
+#[derive(Clone, Copy, Debug)]
+struct DrawOptions {
+    /// Views up to which all triples are listed; beyond, they are drawn: 40 views have 9880 triples.
+    listed_views: usize,
+    /// Draws per triple wanted when they are not listed.
+    draws: usize,
+}
 
-/// Draws per triple wanted when they are not listed.
-const DRAWS: usize = 50;
+impl Default for DrawOptions {
+    fn default() -> Self {
+        Self {
+            listed_views: 40,
+            draws: 50,
+        }
+    }
+}
 
-/// Bit sets of the landmarks that each view sees, for the views and landmarks that take part.
+/// Bit sets of the landmarks that each view sees, of the views and landmarks that can be in a triple.
 struct Sight {
     /// The views that see at least as many landmarks as are needed.
     views: Vec<usize>,
@@ -70,17 +82,19 @@ impl Sight {
 /// The most landmarks that any three views share, among the first few dozen views.
 pub fn most_shared(problem: &Problem) -> usize {
     let sight = Sight::new(problem, 1);
-    let all = sight.triples(LISTED_VIEWS).map(|slots| sight.common(slots));
+    let views = DrawOptions::default().listed_views;
+    let all = sight.triples(views).map(|slots| sight.common(slots));
     all.max().unwrap_or(0)
 }
 
 /// Up to `count` different triples of views that share at least `needed` landmarks, in random order.
 pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[usize; 3]> {
+    let options = DrawOptions::default();
     let sight = Sight::new(problem, needed);
     let views = sight.views.len();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut triples: Vec<[usize; 3]> = Vec::new();
-    if views <= LISTED_VIEWS {
+    if views <= options.listed_views {
         let all = sight.triples(views);
         triples.extend(all.filter(|&slots| sight.common(slots) >= needed));
         // The first `count` places of a random permutation.
@@ -96,7 +110,7 @@ pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[u
             slot[view] = place;
         }
         let mut known = BTreeSet::new();
-        for _ in 0..DRAWS * count {
+        for _ in 0..options.draws * count {
             let seen = problem.of_view(sight.views[random.random_range(0..views)]);
             let first = seen[random.random_range(0..seen.len())];
             let others = problem.of_landmark(first.landmark);
@@ -150,8 +164,8 @@ pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>
     (triples, landmarks)
 }
 
-/// Whether the second of two motions may be the right one: it leaves hardly more bearings that point away
-/// than the first, or bearings are lines and their signs tell nothing.
+/// Whether the second of two motions may be the right one: hardly more of its landmarks are behind a view than of the
+/// first, or bearings are lines and their signs unknown.
 pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) -> bool {
     let [first, second] = motions;
     let margin = 1 + shared / 8;

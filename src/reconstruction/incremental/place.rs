@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Places of single views and landmarks in a map.
 //!
-//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms
-//! know nothing of the side: the place that puts it ahead is tried as well.
+//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms may put it
+//! behind: the mirrored place, which puts it ahead, is tried as well.
 
 use super::gates::Fit;
 #[cfg(not(feature = "std"))]
@@ -13,11 +13,12 @@ use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
 use nalgebra::{Point2, Translation2, Vector2};
 
 /// A view from the landmarks that have a place: how it was found, its pose and how that fits.
-pub fn view(problem: &Problem, map: &Map, view: usize) -> Option<(Resection<f64>, Pose<f64>, Fit)> {
-    let seen = problem
-        .of_view(view)
-        .iter()
-        .filter_map(|s| map.landmarks[s.landmark].map(|point| (point, s)));
+pub fn place_view(
+    problem: &Problem,
+    map: &Map,
+    view: usize,
+) -> Option<(Resection<f64>, Pose<f64>, Fit)> {
+    let seen = map.seen(problem, view);
     let found = resect(seen.clone().map(|(point, s)| (point, s.bearing))).ok()?;
     let pose = found.pose;
     let fit = Fit::of_view(problem, map, view, &pose);
@@ -37,11 +38,8 @@ pub fn view(problem: &Problem, map: &Map, view: usize) -> Option<(Resection<f64>
 }
 
 /// A landmark from the views that have a pose: where their rays meet, and how that fits.
-pub fn landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
-    let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
-        let s = &problem.sightings()[k];
-        map.poses[s.view].map(|pose| (pose, s))
-    });
+pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
+    let rays = map.rays(problem, landmark);
     rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1)?;
     let found = triangulate(rays.clone().map(|(pose, s)| (pose, s.bearing))).ok()?;
     let point = found.point;
@@ -64,30 +62,29 @@ pub fn landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2
 }
 
 /// A place so many times the size of the map out along the mean ray of a landmark that two views see.
-pub fn far_out(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
+pub fn far_out(
+    problem: &Problem,
+    map: &Map,
+    landmark: usize,
+    sizes: f64,
+) -> Option<(Point2<f64>, Fit)> {
     let mut count = 0;
     let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
-    for &k in problem.of_landmark(landmark) {
-        let s = &problem.sightings()[k];
-        if let Some(pose) = &map.poses[s.view] {
-            let ray = ray(pose, s);
-            // A line has two ends: those that go the same way.
-            let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
-            sum += if turned { -ray } else { ray };
-            from += pose.translation.vector;
-            count += 1;
-        }
+    for (pose, s) in map.rays(problem, landmark) {
+        let ray = ray(&pose, s);
+        // A line has two ends: those that go the same way.
+        let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
+        sum += if turned { -ray } else { ray };
+        from += pose.translation.vector;
+        count += 1;
     }
     if count < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > f64::EPSILON) {
         return None;
     }
     let middle = from / (count as f64);
-    let place = Point2::from(middle + sum.normalize() * (size(map) * FAR));
+    let place = Point2::from(middle + sum.normalize() * (size(map) * sizes));
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
 }
-
-/// So many times the size of the map is far out: beyond it the refinement tells infinity.
-const FAR: f64 = 30.0;
 
 /// The root mean square distance of the views from the first.
 fn size(map: &Map) -> f64 {
