@@ -71,7 +71,7 @@ fn unconstrained(
     bundle: &Bundle,
     at: &impl Fn(usize, &Vector2<f64>) -> [f64; 4],
 ) -> Vec<[f64; 4]> {
-    let mut held = Matrix4::<f64>::zeros();
+    let mut constrained = Matrix4::<f64>::zeros();
     for tie in problem.ties() {
         let row = linearize(tie, &bundle.poses, &bundle.landmarks);
         for k in 0..3 {
@@ -97,11 +97,11 @@ fn unconstrained(
             let norm = norm.sqrt();
             let change = Vector4::from(change) / norm;
             if change.norm() > UNCHANGED {
-                held += change * change.transpose();
+                constrained += change * change.transpose();
             }
         }
     }
-    let eigen = held.symmetric_eigen();
+    let eigen = constrained.symmetric_eigen();
     let largest = eigen.eigenvalues.amax();
     (0..4)
         .filter(|&k| !(eigen.eigenvalues[k] > largest * ROUNDING))
@@ -148,8 +148,8 @@ pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
     let mut framed = if problem.ties().is_empty() {
         map.normalized()
     } else {
-        let held = FixedByPriors::of(&map.restrict(problem));
-        match held.frame(&Bundle::from_map(map)) {
+        let fixed = FixedByPriors::of(&map.restrict(problem));
+        match fixed.frame(&Bundle::from_map(map)) {
             Some(similarity) => map.transformed(&similarity),
             None => map.clone(),
         }
@@ -177,38 +177,38 @@ pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
     (gauge_directions(&active, &bundle).len(), numbers.sum())
 }
 
-/// What of the whole odometry and priors hold, told by their kind.
+/// Which of translation, rotation and scale of the whole odometry and priors fix, told by their kinds.
 #[derive(Clone, Debug)]
 pub struct FixedByPriors {
-    /// The subjects whose position is known, the first two of them.
+    /// Two subjects whose position is known, or as many as there are.
     points: Vec<Subject>,
     heading: bool,
     scale: bool,
 }
 
 impl FixedByPriors {
-    /// What the ties of a problem hold.
+    /// What the odometry and priors of a problem fix.
     pub fn of(problem: &Problem) -> Self {
-        let mut held = Self {
+        let mut fixed = Self {
             points: Vec::new(),
             heading: false,
             scale: false,
         };
         for tie in problem.ties() {
             match tie {
-                Tie::Motion { .. } => held.scale = true,
+                Tie::Motion { .. } => fixed.scale = true,
                 Tie::Pose { view, root, .. } => {
                     if root[0][0] > 0.0 || root[1][1] > 0.0 {
-                        held.add(Subject::View(*view));
+                        fixed.add(Subject::View(*view));
                     }
-                    held.heading |= root[2][2] > 0.0;
+                    fixed.heading |= root[2][2] > 0.0;
                 }
-                Tie::Landmark { landmark, .. } => held.add(Subject::Landmark(*landmark)),
+                Tie::Landmark { landmark, .. } => fixed.add(Subject::Landmark(*landmark)),
             }
         }
-        held.scale |= held.points.len() > 1;
-        held.heading |= held.points.len() > 1;
-        held
+        fixed.scale |= fixed.points.len() > 1;
+        fixed.heading |= fixed.points.len() > 1;
+        fixed
     }
 
     fn add(&mut self, subject: Subject) {
@@ -217,7 +217,7 @@ impl FixedByPriors {
         }
     }
 
-    /// The similarity that brings a map into the frame in which it is reported: of what is not held, the
+    /// The similarity that brings a map into the frame in which it is reported: of what is not fixed, the
     /// first view is at the origin with heading 0, and the root-mean-square distance of the other
     /// views from it is 1. `None` when the views are in one place.
     pub fn frame(&self, bundle: &Bundle) -> Option<Similarity2<f64>> {
@@ -257,7 +257,7 @@ impl FixedByPriors {
         ))
     }
 
-    /// What that frame holds fixed, each as a row over all parameters.
+    /// What that frame fixes, each as a row over all parameters.
     pub fn constraints(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
         let size = 3 * bundle.poses.len() + 2 * bundle.landmarks.len();
         let unit = |parameter: usize| {

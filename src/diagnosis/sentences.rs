@@ -105,7 +105,7 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
         "Add {sightings} between these and others, from other places."),
     (Kind::WeaklyDetermined, "weakly_determined",
         "noise of {noise} degrees leaves {all} uncertain by up to {share} % of the size of the map",
-        "Add sightings of them, from other places or of other landmarks."),
+        "Add sightings of {them}, from other places or of other landmarks."),
     (Kind::SecondSolution, "second_solution",
         "another map explains the bearings nearly as well, with residuals {margin} times as large",
         "Add a view of five of the landmarks: it tells the two apart."),
@@ -138,7 +138,7 @@ const SPECIAL: [(Kind, Case, &str, &str); 6] = [
         "Add sightings, odometry or priors."),
     (Kind::WeaklyDetermined, Case::WithPriors,
         "{all} {are} uncertain by up to {share} % of the size of the map",
-        "Add sightings of them, from other places or of other landmarks."),
+        "Add sightings of {them}, from other places or of other landmarks."),
 ];
 
 impl Kind {

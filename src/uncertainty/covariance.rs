@@ -107,7 +107,33 @@ pub fn covariance(
         return Err(singular);
     }
     let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
-    let (views, landmarks) = (active.views(), active.landmarks());
+    let sizes = (active.views(), active.landmarks());
+    let mut found = blocks(&normal, sizes, &transformation, &mut observer)?.into_iter();
+    Ok(Covariance {
+        frame,
+        poses: map
+            .poses
+            .iter()
+            .map(|pose| pose.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| b[(i, j)])))
+            .collect(),
+        landmarks: map
+            .landmarks
+            .iter()
+            .map(|point| point.and_then(|_| found.next()))
+            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| b[(i, j)])))
+            .collect(),
+        free: free.len(),
+    })
+}
+
+/// The block of each view and landmark on the diagonal of the inverse, brought into the frame.
+fn blocks(
+    normal: &Normal<'_>,
+    (views, landmarks): (usize, usize),
+    transformation: &Transformation,
+    observer: &mut Option<Observer<'_>>,
+) -> Result<Vec<DMatrix<f64>>, Error> {
     let subjects = (0..views)
         .map(Subject::View)
         .chain((0..landmarks).map(Subject::Landmark));
@@ -121,7 +147,7 @@ pub fn covariance(
     let mut found = Vec::with_capacity(blocks.len());
     let mut columns = Vec::new();
     for batch in blocks.chunks(BATCH / 2) {
-        if let Some(observer) = &mut observer
+        if let Some(observer) = observer
             && !observer(found.len(), blocks.len() as f64)
         {
             return Err(Error::Interrupted);
@@ -141,23 +167,7 @@ pub fn covariance(
             found.push(transformation.apply(parameter, &raw));
         }
     }
-    let mut found = found.into_iter();
-    Ok(Covariance {
-        frame,
-        poses: map
-            .poses
-            .iter()
-            .map(|pose| pose.and_then(|_| found.next()))
-            .map(|block| block.map(|b| Matrix3::from_fn(|i, j| b[(i, j)])))
-            .collect(),
-        landmarks: map
-            .landmarks
-            .iter()
-            .map(|point| point.and_then(|_| found.next()))
-            .map(|block| block.map(|b| Matrix2::from_fn(|i, j| b[(i, j)])))
-            .collect(),
-        free: free.len(),
-    })
+    Ok(found)
 }
 
 /// `S = 1 - E (C^T E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the

@@ -48,38 +48,18 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
             &[dx, dy, turn, gx, gy],
         );
     }
-    // The harmonic mean of the diagonal: a landmark close to a view, whose entry is huge, hardly changes it.
+    // A stiffness for the similarity, which the bearings leave free: the harmonic mean of the diagonal, because a
+    // landmark close to a view, whose entry is huge, hardly changes it.
     let known: Vec<f64> = (0..size).map(|k| matrix[k * size + k]).collect();
     let stiffness = (size as f64) / known.iter().fold(0.0, |sum, k| sum + 1.0 / *k);
-    // Hold the similarity by four rows of that stiffness.
-    let place = |k: usize| if k < views { 3 * k } else { views + 2 * k };
     let positions: Vec<Vector2<f64>> = bundle
         .poses
         .iter()
         .map(|pose| pose.translation.vector)
         .chain(bundle.landmarks.iter().map(|point| point.coords))
         .collect();
-    let (middle, square) = (centroid(&positions), spread(&positions));
-    let count = positions.len() as f64;
-    for direction in 0..4 {
-        let norm = if direction < 2 { count } else { square };
-        let mut row = vec![0.0; size];
-        for (k, position) in positions.iter().enumerate() {
-            let offset = position - middle;
-            let moved = match direction {
-                0 => Vector2::x(),
-                1 => Vector2::y(),
-                2 => Vector2::new(-offset.y, offset.x),
-                _ => offset,
-            };
-            row[place(k)] = moved.x;
-            row[place(k) + 1] = moved.y;
-        }
-        let scale = (stiffness / norm).sqrt();
-        let places: Vec<usize> = (0..size).collect();
-        let row: Vec<f64> = row.into_iter().map(|entry| entry * scale).collect();
-        add_product(&mut matrix, size, &places, &row);
-    }
+    let square = spread(&positions);
+    hold_similarity(&mut matrix, &positions, views, stiffness);
     if !cholesky::factorize(&mut matrix, size) {
         return None;
     }
@@ -107,6 +87,34 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
         }
     }
     (sums.positions > 0.0 && sums.headings > 0.0).then_some(sums)
+}
+
+/// Adds rows to the normal matrix that hold translation, rotation and scale of all positions, views first, each with
+/// this stiffness.
+fn hold_similarity(matrix: &mut [f64], positions: &[Vector2<f64>], views: usize, stiffness: f64) {
+    let size = views + 2 * positions.len();
+    let place = |k: usize| if k < views { 3 * k } else { views + 2 * k };
+    let (middle, square) = (centroid(positions), spread(positions));
+    let count = positions.len() as f64;
+    let places: Vec<usize> = (0..size).collect();
+    for direction in 0..4 {
+        let norm = if direction < 2 { count } else { square };
+        let mut row = vec![0.0; size];
+        for (k, position) in positions.iter().enumerate() {
+            let offset = position - middle;
+            let moved = match direction {
+                0 => Vector2::x(),
+                1 => Vector2::y(),
+                2 => Vector2::new(-offset.y, offset.x),
+                _ => offset,
+            };
+            row[place(k)] = moved.x;
+            row[place(k) + 1] = moved.y;
+        }
+        let scale = (stiffness / norm).sqrt();
+        let row: Vec<f64> = row.into_iter().map(|entry| entry * scale).collect();
+        add_product(matrix, size, &places, &row);
+    }
 }
 
 /// Adds the product of a row with itself to the lower triangle of a row-major matrix.

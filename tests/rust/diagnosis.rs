@@ -366,6 +366,8 @@ fn loosely_tied_parts() {
     assert_eq!(found.components.len(), 1);
     assert_eq!(found.extra, 2, "{found}");
     assert!(named(&found, "loose_part"), "{found}");
+    let free: Vec<_> = found.directions.iter().filter(|d| d.free).collect();
+    assert!(free.iter().all(|d| d.cause == Some(Kind::LoosePart)));
     // Without a map the second half is out of reach of the first.
     let found = diagnose(&problem, None, None).unwrap();
     let finding = found

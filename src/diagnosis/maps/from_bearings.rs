@@ -3,7 +3,7 @@
 //!
 //! Two views in one place see bearings that differ by a constant. On one circle with the landmarks
 //! they do so modulo pi (inscribed angles). On one line all bearings of a view are alike modulo pi. In
-//! each case a map that explains the bearings modulo pi, one of many, can be written down.
+//! each case positions of a map that explains the bearings modulo pi, one of many, can be written down.
 
 use super::super::shapes::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
@@ -41,11 +41,6 @@ pub fn map_from_bearings(problem: &Problem, noise: f64, sigmas: f64) -> Option<N
     })
 }
 
-/// Bearing of a sighting \[rad\].
-fn angle(bearing: &crate::geometry::Bearing<f64>) -> f64 {
-    bearing.angle()
-}
-
 /// Whether angles are one constant modulo `2 pi / turns`, up to a bound; the constant.
 fn constant(angles: &[f64], turns: f64, bound: f64) -> Option<f64> {
     let sum = angles
@@ -73,20 +68,19 @@ fn scattered(k: usize) -> f64 {
 }
 
 fn on_one_line(problem: &Problem, bound: f64) -> Option<NormalizedMap> {
-    let mut headings = Vec::with_capacity(problem.views());
     for view in 0..problem.views() {
         let bearings: Vec<f64> = problem
             .of_view(view)
             .iter()
-            .map(|s| angle(&s.bearing))
+            .map(|s| s.bearing.angle())
             .collect();
-        headings.push(-constant(&bearings, 2.0, bound)?);
+        constant(&bearings, 2.0, bound)?;
     }
     let views = problem.views();
     let along = |k: usize| Vector2::new(scattered(k), 0.0);
     NormalizedMap::new(
         problem,
-        (0..views).map(|view| (view, along(view), headings[view])),
+        (0..views).map(|view| (view, along(view))),
         (0..problem.landmarks()).map(|landmark| (landmark, along(views + landmark))),
     )
 }
@@ -143,7 +137,7 @@ fn differences(problem: &Problem, first: usize, view: usize) -> Vec<f64> {
     for s in problem.of_view(view) {
         while others.next_if(|o| o.landmark < s.landmark).is_some() {}
         if let Some(other) = others.next_if(|o| o.landmark == s.landmark) {
-            found.push(angle(&s.bearing) - angle(&other.bearing));
+            found.push(s.bearing.angle() - other.bearing.angle());
         }
     }
     found
@@ -154,19 +148,16 @@ fn on_one_circle(problem: &Problem) -> Option<NormalizedMap> {
     let views = places(problem, PI, 2.0, 1)?;
     let mut at: Vec<Option<f64>> = vec![None; problem.landmarks()];
     for s in problem.sightings() {
-        at[s.landmark].get_or_insert(2.0 * (angle(&s.bearing) - views.offset[s.view]));
+        at[s.landmark].get_or_insert(2.0 * (s.bearing.angle() - views.offset[s.view]));
     }
     let on = |angle: f64| {
         let z = unit(angle);
         Vector2::new(z.re, z.im)
     };
-    // A view at angle `c` with the heading `(c + pi) / 2 + ...` sees them so; only places matter here.
+    // Wherever a view is on the circle, it sees them so.
     NormalizedMap::new(
         problem,
-        (0..problem.views()).map(|view| {
-            let c = TAU * scattered(view);
-            (view, on(c), 0.5 * (c + PI) - views.offset[view])
-        }),
+        (0..problem.views()).map(|view| (view, on(TAU * scattered(view)))),
         at.iter()
             .enumerate()
             .filter_map(|(landmark, angle)| angle.map(|angle| (landmark, on(angle)))),
@@ -178,7 +169,7 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     // Rays of each landmark from each place, in the frame of the first view there.
     let mut rays = vec![[None; 2]; problem.landmarks()];
     for s in problem.sightings() {
-        let angle = angle(&s.bearing) - places.offset[s.view];
+        let angle = s.bearing.angle() - places.offset[s.view];
         rays[s.landmark][places.of_view[s.view]].get_or_insert(angle);
     }
     // The turn for which the flattest pair of rays is steepest.
@@ -208,10 +199,7 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     };
     NormalizedMap::new(
         problem,
-        (0..problem.views()).map(|view| {
-            let place = places.of_view[view];
-            (view, at(place), heading(place) - places.offset[view])
-        }),
+        (0..problem.views()).map(|view| (view, at(places.of_view[view]))),
         (0..problem.landmarks()).filter_map(|k| landmark(k).map(|p| (k, p))),
     )
 }

@@ -104,7 +104,7 @@ impl Configuration {
         noise: f64,
         options: &ShapeOptions,
     ) -> bool {
-        let exact = ROOTS * map.rounding.sqrt();
+        let exact = ROOTS * f64::EPSILON.sqrt();
         let Some(off) = self.distances(&map.points) else {
             return false;
         };
@@ -197,7 +197,6 @@ impl Configuration {
                 map.points[member] = place;
             }
         }
-        map.rounding = f64::EPSILON;
         Some(map)
     }
 
@@ -222,7 +221,6 @@ pub fn generic(map: &NormalizedMap, options: &ShapeOptions) -> NormalizedMap {
     for (k, point) in map.points.iter_mut().enumerate() {
         *point += scattered(k) * (options.jitter * units[k]);
     }
-    map.rounding = f64::EPSILON;
     map
 }
 

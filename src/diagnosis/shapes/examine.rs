@@ -40,7 +40,7 @@ pub struct Examination {
 /// when its spectrum cannot be had.
 pub fn examine(map: &NormalizedMap, noise: f64, options: &ShapeOptions) -> Option<Examination> {
     let spectrum = Spectrum::of(map, options)?;
-    let noise = noise.max(4.0 * map.rounding);
+    let noise = noise.max(4.0 * f64::EPSILON);
     let (indices, directions) = open_directions(map, &spectrum, noise, options);
     let mut found = Examination {
         spectrum,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map as bare geometry: places, headings, and who sees whom.
+//! A map as bare geometry: positions, and which view sees which landmark.
 
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -10,8 +10,7 @@ use nalgebra::Vector2;
 
 /// Points of a determined map in units of its size, with the sightings between them.
 ///
-/// Points are numbered views first, then landmarks. Always `f64`: what the numbers are worth is told by
-/// `rounding`, the rounding of the type they came in.
+/// Points are numbered views first, then landmarks.
 #[derive(Clone, Debug)]
 pub struct NormalizedMap {
     /// Index of each view in the problem, ascending.
@@ -20,12 +19,8 @@ pub struct NormalizedMap {
     pub landmarks: Vec<usize>,
     /// Position of each point, the middle of them at the origin.
     pub points: Vec<Vector2<f64>>,
-    /// Heading of each view \[rad\].
-    pub headings: Vec<f64>,
     /// View, landmark (both as numbered here, landmarks from 0), weight over the mean weight.
     pub sightings: Vec<(usize, usize, f64)>,
-    /// Distance from 1 to the next number of the type the map came in.
-    pub rounding: f64,
 }
 
 impl NormalizedMap {
@@ -33,10 +28,8 @@ impl NormalizedMap {
     pub fn of_map(problem: &Problem, map: &Map) -> Option<Self> {
         let views = map.poses.iter().enumerate();
         let views = views.filter_map(|(view, pose)| {
-            let pose = (*pose)?;
-            let p = pose.translation.vector;
-            let place = Vector2::new(p.x, p.y);
-            Some((view, place, pose.rotation.angle()))
+            let p = (*pose)?.translation.vector;
+            Some((view, Vector2::new(p.x, p.y)))
         });
         let landmarks = map.landmarks.iter().enumerate();
         let landmarks = landmarks
@@ -47,24 +40,21 @@ impl NormalizedMap {
     /// A map from places; `None` when no sighting is left, or a number is not finite.
     pub fn new(
         problem: &Problem,
-        views: impl Iterator<Item = (usize, Vector2<f64>, f64)>,
+        views: impl Iterator<Item = (usize, Vector2<f64>)>,
         landmarks: impl Iterator<Item = (usize, Vector2<f64>)>,
     ) -> Option<Self> {
         let mut normalized = Self {
             views: Vec::new(),
             landmarks: Vec::new(),
             points: Vec::new(),
-            headings: Vec::new(),
             sightings: Vec::new(),
-            rounding: f64::EPSILON,
         };
         let mut view_number = vec![None; problem.views()];
         let mut landmark_number = vec![None; problem.landmarks()];
-        for (view, place, heading) in views {
+        for (view, place) in views {
             view_number[view] = Some(normalized.views.len());
             normalized.views.push(view);
             normalized.points.push(place);
-            normalized.headings.push(heading);
         }
         for (landmark, place) in landmarks {
             landmark_number[landmark] = Some(normalized.landmarks.len());

@@ -20,7 +20,6 @@ pub struct Spectrum {
     pub directions: DMatrix<f64>,
     /// What a singular value is measured by before it is called zero: the median column of the Jacobian.
     pub scale: f64,
-    rounding: f64,
 }
 
 /// A sighting over less than this part of the map's size says that two places are one and little else. Its row,
@@ -81,13 +80,12 @@ impl Spectrum {
             values: order.iter().map(|&k| found.singular_values[k]).collect(),
             directions,
             scale,
-            rounding: map.rounding,
         })
     }
 
     /// How many directions the bearings leave free, up to rounding.
     pub fn free(&self) -> usize {
-        let bound = ROOTS * self.rounding.sqrt() * self.scale;
+        let bound = ROOTS * f64::EPSILON.sqrt() * self.scale;
         self.values
             .iter()
             .take_while(|&&value| !(value > bound))
@@ -96,7 +94,7 @@ impl Spectrum {
 
     /// Standard deviation of a direction in its units, for bearings with this one \[rad\].
     pub fn deviation(&self, direction: usize, noise: f64) -> f64 {
-        noise / self.values[direction].max(self.rounding * self.scale)
+        noise / self.values[direction].max(f64::EPSILON * self.scale)
     }
 
     /// The moves of the points in a direction, in sizes of the map, for a step of 1.
@@ -189,7 +187,7 @@ fn free_gauge(
     let Some(turns) = held.v_t else {
         return Vec::new();
     };
-    let bound = ROOTS * map.rounding.sqrt() * scale;
+    let bound = ROOTS * f64::EPSILON.sqrt() * scale;
     let mut reflectors: Vec<DVector<f64>> = Vec::new();
     for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
         if *value > bound {
