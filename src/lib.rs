@@ -114,7 +114,7 @@ pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
 };
 #[cfg(feature = "alloc")]
-pub use uncertainty::{Covariance, Frame, covariance};
+pub use uncertainty::{Covariance, Fix, Frame, covariance};
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

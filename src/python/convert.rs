@@ -92,16 +92,15 @@ pub fn table(
     Ok((entries, array.shape()[1]))
 }
 
-/// A vector with NaN for what is missing.
-pub fn vector(
+/// A table of bearings with a given number of columns, and the number of its rows.
+pub fn rows(
     py: Python<'_>,
     name: &'static str,
     array: &Floats<'_>,
-    length: Option<usize>,
+    columns: usize,
 ) -> PyResult<(Vec<f64>, usize)> {
-    let entries = finite_or_missing(py, name, array, &[length])?;
-    let length = entries.len();
-    Ok((entries, length))
+    let entries = finite_or_missing(py, name, array, &[None, Some(columns)])?;
+    Ok((entries, array.shape()[0]))
 }
 
 /// The columns of a (3, n) array of bearings.
