@@ -39,8 +39,8 @@ pub fn entries(
             ),
         ));
     }
-    // Arrays in C order in one go.
-    if let Ok(slice) = array.as_slice() {
+    // Arrays in C order in one go; those in the order of Fortran are contiguous, too.
+    if let Some(slice) = array.as_array().as_slice() {
         return Ok(slice.to_vec());
     }
     Ok(array.as_array().iter().copied().collect())

@@ -52,7 +52,7 @@ def test_a_point_behind_its_rays_is_nan():
         assert np.isnan(bearslam.triangulate(stations, diverging)).all()
     # A distant emitter over a short base: rays that diverge by their noise.
     base = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    noise = np.random.default_rng(0).normal(0, np.radians(1), (2, 200))
+    noise = np.random.default_rng(0).normal(0, np.radians(1), (200, 2)).T
     found = bearslam.triangulate(base, bearings_of(np.array([[0.5, 60.0]]), base) + noise)
     assert np.isnan(found[:, 0]).sum() == 36
     assert (found[~np.isnan(found[:, 1]), 1] > 0).all()

@@ -81,7 +81,7 @@ def resect(
     (2, 3)
     >>> fix = resect(landmarks, bearings, sigma=0.01, details=True)
     >>> np.sqrt(np.diag(fix.covariance)).round(4)
-    array([0.0092, 0.0096, 0.0053])
+    array([0.0092, 0.01  , 0.0054])
     """
     points = floats("landmarks", landmarks, ("n", 2), missing=True)
     table = plain("bearings", bearings)
