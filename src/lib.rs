@@ -90,6 +90,7 @@ pub use error::{Degeneracy, Error};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
+    xytheta,
 };
 pub use kernels::{
     CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,

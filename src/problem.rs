@@ -12,4 +12,5 @@ pub use map::Map;
 pub(crate) use priors::Tie;
 pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};
+pub(crate) use subject::{Count, Missing};
 pub use subject::{Subject, Undetermined, Why};

@@ -135,11 +135,6 @@ pub fn align(
     let source = convert::finite_points(py, "source", &source)?;
     let target = convert::finite_points(py, "target", &target)?;
     let found = crate::align(&source, &target).map_err(|error| errors::error(py, error))?;
-    let shift = found.isometry.translation;
-    Ok((
-        found.scaling(),
-        convert::angle(&found.isometry.rotation),
-        shift.x,
-        shift.y,
-    ))
+    let [x, y, angle] = crate::xytheta(&found.isometry);
+    Ok((found.scaling(), angle, x, y))
 }
