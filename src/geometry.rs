@@ -6,4 +6,4 @@ mod bearing;
 pub(crate) mod points;
 
 pub use align::{align, transform_pose};
-pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle};
+pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle, xytheta};

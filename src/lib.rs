@@ -90,6 +90,7 @@ pub use error::{Degeneracy, Error};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
+    xytheta,
 };
 pub use kernels::{
     CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,
@@ -114,7 +115,7 @@ pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
 };
 #[cfg(feature = "alloc")]
-pub use uncertainty::{Covariance, Frame, covariance};
+pub use uncertainty::{Covariance, Fix, Frame, covariance};
 
 /// The examples of the README run as tests.
 #[cfg(doctest)]

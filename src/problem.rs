@@ -14,4 +14,5 @@ pub use noise::Noise;
 pub(crate) use priors::Tie;
 pub use priors::{LandmarkPrior, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};
+pub(crate) use subject::{Count, Missing};
 pub use subject::{Subject, Undetermined, Why};

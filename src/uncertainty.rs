@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well a map is known: covariances, sensitivity, weak directions, leverage.
+//! How well a map is known: covariances, position fixes, sensitivity, weak directions, leverage.
 
 mod covariance;
+mod fix;
 mod frame;
 mod leverage;
 mod sensitivity;
@@ -9,6 +10,7 @@ mod variances;
 mod weak_directions;
 
 pub use covariance::{Covariance, covariance};
+pub use fix::Fix;
 pub use frame::Frame;
 pub(crate) use leverage::Leverage;
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};

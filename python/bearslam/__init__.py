@@ -16,6 +16,7 @@ True
 from bearslam._core import __version__
 from bearslam.data.align import Similarity, align
 from bearslam.data.estimate import Undetermined
+from bearslam.data.fix import Fix
 from bearslam.data.options import RefineOptions, SearchOptions
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem
@@ -46,6 +47,7 @@ __all__ = [
     "Diagnosis",
     "ExecutorError",
     "Finding",
+    "Fix",
     "InvalidInputError",
     "LandmarkPriors",
     "NullDirection",

@@ -3,7 +3,7 @@
 
 use super::memory::{Memory, Room, Scratch};
 use super::status::{BearslamStatus, Found};
-use crate::geometry::{Bearing, Pose, pose};
+use crate::geometry::{Bearing, pose, xytheta};
 use crate::kernels::{Method, Triple, resect, three_view, triangulate};
 use crate::lm::RefineOptions;
 use crate::scalar::Real;
@@ -87,7 +87,7 @@ pub(super) fn three_views<T: Real>(
     for (motion, inconsistent) in motions.zip(inconsistent) {
         *inconsistent = motion.inconsistent;
         for (pose, place) in motion.poses.iter().zip(&mut poses) {
-            *place = triplet(pose);
+            *place = xytheta(pose);
         }
         let mut triples = triples.iter();
         for (seen, place) in seen().zip(&mut landmarks) {
@@ -98,13 +98,6 @@ pub(super) fn three_views<T: Real>(
         }
     }
     Ok(())
-}
-
-/// The heading in (-pi, pi].
-fn triplet<T: Real>(pose: &Pose<T>) -> [T; 3] {
-    let angle = pose.rotation.angle();
-    let heading = if angle == -T::pi() { T::pi() } else { angle };
-    [pose.translation.x, pose.translation.y, heading]
 }
 
 pub(super) fn triangulation<T: Real>(
@@ -139,7 +132,7 @@ pub(super) fn resection<T: Real>(
     let seen = landmarks.as_chunks().0.iter().zip(bearings);
     let seen = seen.filter(|(_, bearing)| !is_nan(**bearing));
     let sightings = seen.map(|([x, y], bearing)| (Point2::new(*x, *y), Bearing::new(*bearing)));
-    place.copy_from_slice(&triplet(&resect(sightings)?.pose));
+    place.copy_from_slice(&xytheta(&resect(sightings)?.pose));
     Ok(())
 }
 
@@ -234,7 +227,7 @@ impl<T: Real> Refinement<'_, T> {
 
         let nan = T::zero() / T::zero();
         for (place, pose) in poses.iter_mut().zip(&map.poses) {
-            *place = pose.as_ref().map_or([nan; 3], triplet);
+            *place = pose.as_ref().map_or([nan; 3], xytheta);
         }
         for (place, point) in landmarks.iter_mut().zip(&map.landmarks) {
             *place = point.map_or([nan; 2], |point| [point.x, point.y]);

@@ -26,6 +26,22 @@ pub fn pose<T: Real>(x: T, y: T, theta: T) -> Pose<T> {
     Isometry2::new(Vector2::new(x, y), theta)
 }
 
+/// The coordinates `(x, y, theta)` of a pose, theta in (-pi, pi] \[rad\]: the inverse of [`pose`], and what prints
+/// in one line.
+///
+/// # Example
+/// ```
+/// use bearslam::{pose, xytheta};
+/// let pose = pose(1.0, 2.0, 0.5_f64);
+/// assert_eq!(xytheta(&pose), [1.0, 2.0, 0.5]);
+/// assert_eq!(format!("{:.2?}", xytheta(&pose)), "[1.00, 2.00, 0.50]");
+/// ```
+pub fn xytheta<T: Real>(pose: &Pose<T>) -> [T; 3] {
+    let angle = pose.rotation.angle();
+    let theta = if angle == -T::pi() { T::pi() } else { angle };
+    [pose.translation.x, pose.translation.y, theta]
+}
+
 /// The bearing `atan2(R(theta)^T (x - p))` at which the view at `pose` sees `point`.
 ///
 /// `None` when the point is at the position of the view.

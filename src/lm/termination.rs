@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How a refinement ends, whatever its storage.
 
+use core::fmt;
+
 /// How a refinement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -38,5 +40,19 @@ impl Termination {
             Self::MaxIterations => "max_iterations",
             Self::Singular => "singular",
         }
+    }
+}
+
+/// In words, such as `converged` or `not converged`.
+impl fmt::Display for Termination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotRefined => "not refined",
+            Self::Converged => "converged",
+            Self::ZeroResidual => "converged to zero residuals",
+            Self::NoProgress => "no further progress",
+            Self::MaxIterations => "not converged",
+            Self::Singular => "singular normal equations",
+        })
     }
 }

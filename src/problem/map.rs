@@ -3,7 +3,7 @@
 
 use super::priors::Tie;
 use super::problem::{Problem, Seen};
-use super::subject::{Subject, Undetermined, Why};
+use super::subject::{Count, Missing, Subject, Undetermined, Why};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -11,6 +11,7 @@ use crate::geometry::{Pose, transform_pose};
 use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use alloc::vec;
 use alloc::vec::Vec;
+use core::fmt;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 
 /// Poses and landmarks; `None` where they are not determined.
@@ -228,6 +229,19 @@ impl Map {
     /// How many determined views see a landmark.
     pub(crate) fn connections_of_landmark(&self, problem: &Problem, landmark: usize) -> usize {
         self.rays(problem, landmark).count()
+    }
+}
+
+/// `12 views, 15 landmarks; 1 landmark undetermined`: how many there are, and how many of them are not known.
+impl fmt::Display for Map {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (views, landmarks) = (self.poses.len(), self.landmarks.len());
+        let missing = Missing {
+            views: views - self.poses.iter().flatten().count(),
+            landmarks: landmarks - self.landmarks.iter().flatten().count(),
+        };
+        let (views, landmarks) = (Count(views, "view"), Count(landmarks, "landmark"));
+        write!(f, "{views}, {landmarks}{missing}")
     }
 }
 

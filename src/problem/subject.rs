@@ -57,6 +57,34 @@ pub struct Undetermined {
     pub why: Why,
 }
 
+/// A number of things: `1 view`, `2 views`.
+pub(crate) struct Count(pub usize, pub &'static str);
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(number, noun) = self;
+        write!(f, "{number} {noun}{}", if *number == 1 { "" } else { "s" })
+    }
+}
+
+/// How many views and landmarks have no estimate, as the end of a sentence: `; 1 landmark undetermined`.
+pub(crate) struct Missing {
+    pub views: usize,
+    pub landmarks: usize,
+}
+
+impl fmt::Display for Missing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (views, landmarks) = (Count(self.views, "view"), Count(self.landmarks, "landmark"));
+        match (self.views, self.landmarks) {
+            (0, 0) => Ok(()),
+            (_, 0) => write!(f, "; {views} undetermined"),
+            (0, _) => write!(f, "; {landmarks} undetermined"),
+            _ => write!(f, "; {views} and {landmarks} undetermined"),
+        }
+    }
+}
+
 impl fmt::Display for Why {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

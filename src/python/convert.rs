@@ -2,10 +2,10 @@
 //! Arrays across the border.
 
 use super::errors::{error, invalid};
-use crate::{Bearing, Error, Map, Pose, Triple};
+use crate::{Bearing, Error, Map, Pose, Triple, xytheta};
 use alloc::string::String;
 use alloc::vec::Vec;
-use nalgebra::{Point2, UnitComplex};
+use nalgebra::Point2;
 use numpy::{PyArray2, PyArray3, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use std::format;
@@ -39,8 +39,8 @@ pub fn entries(
             ),
         ));
     }
-    // Arrays in C order in one go.
-    if let Ok(slice) = array.as_slice() {
+    // Arrays in C order in one go; those in the order of Fortran are contiguous, too.
+    if let Some(slice) = array.as_array().as_slice() {
         return Ok(slice.to_vec());
     }
     Ok(array.as_array().iter().copied().collect())
@@ -92,16 +92,15 @@ pub fn table(
     Ok((entries, array.shape()[1]))
 }
 
-/// A vector with NaN for what is missing.
-pub fn vector(
+/// A table of bearings with a given number of columns, and the number of its rows.
+pub fn rows(
     py: Python<'_>,
     name: &'static str,
     array: &Floats<'_>,
-    length: Option<usize>,
+    columns: usize,
 ) -> PyResult<(Vec<f64>, usize)> {
-    let entries = finite_or_missing(py, name, array, &[length])?;
-    let length = entries.len();
-    Ok((entries, length))
+    let entries = finite_or_missing(py, name, array, &[None, Some(columns)])?;
+    Ok((entries, array.shape()[0]))
 }
 
 /// The columns of a (3, n) array of bearings.
@@ -180,32 +179,13 @@ pub fn indices(
     array.as_array().iter().enumerate().map(index).collect()
 }
 
-/// The angle of a rotation in (-pi, pi].
-pub fn angle(rotation: &UnitComplex<f64>) -> f64 {
-    let angle = rotation.angle();
-    if angle == -core::f64::consts::PI {
-        core::f64::consts::PI
-    } else {
-        angle
-    }
-}
-
-/// `(x, y, theta)`.
-pub fn triplet(pose: &Pose<f64>) -> [f64; 3] {
-    [
-        pose.translation.x,
-        pose.translation.y,
-        angle(&pose.rotation),
-    ]
-}
-
 pub fn poses<'py, 'a>(
     py: Python<'py>,
     poses: impl ExactSizeIterator<Item = Option<&'a Pose<f64>>>,
 ) -> Bound<'py, PyArray2<f64>> {
     let count = poses.len();
     let flat = poses
-        .flat_map(|pose| pose.map_or([f64::NAN; 3], triplet))
+        .flat_map(|pose| pose.map_or([f64::NAN; 3], xytheta))
         .collect();
     array2(py, flat, [count, 3])
 }

@@ -3,50 +3,127 @@
 
 use super::convert::{self, Floats};
 use super::errors;
+use crate::{Error, Fix};
+
 use alloc::vec::Vec;
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
+/// Estimates with, if asked for, how well they are known; NaN where there is none.
+#[derive(IntoPyObject)]
+pub struct Fixes<'py> {
+    value: Bound<'py, PyArray2<f64>>,
+    covariance: Option<Bound<'py, PyArray3<f64>>>,
+    rms: Option<Bound<'py, PyArray1<f64>>>,
+    sigma0: Option<Bound<'py, PyArray1<f64>>>,
+}
+
+impl<'py> Fixes<'py> {
+    /// From the estimates and, with `detailed`, the fix of each.
+    fn new<const N: usize>(
+        py: Python<'py>,
+        value: Bound<'py, PyArray2<f64>>,
+        fixes: &[Option<Fix<N>>],
+        detailed: bool,
+    ) -> PyResult<Self> {
+        let numbers = |number: fn(&Fix<N>) -> f64| {
+            let all = fixes
+                .iter()
+                .map(|fix| fix.as_ref().map_or(f64::NAN, number));
+            detailed.then(|| PyArray1::from_iter(py, all))
+        };
+        let covariance = if detailed {
+            // Symmetric: the order of columns is that of rows.
+            let entries = fixes.iter().flat_map(|fix| {
+                let entry = move |k: usize| fix.map_or(f64::NAN, |fix| fix.covariance[k]);
+                (0..N * N).map(entry)
+            });
+            let entries: Vec<_> = entries.collect();
+            Some(convert::array3(py, &entries, [fixes.len(), N, N])?)
+        } else {
+            None
+        };
+        Ok(Self {
+            value,
+            covariance,
+            rms: numbers(|fix| fix.rms),
+            sigma0: numbers(|fix| fix.sigma0),
+        })
+    }
+}
+
+/// A fix that was asked for, `None` where the geometry does not determine it.
+fn determined<const N: usize>(fix: Option<Result<Fix<N>, Error>>) -> Result<Option<Fix<N>>, Error> {
+    match fix {
+        Some(Err(error @ Error::NotPositive { .. })) => Err(error),
+        fix => Ok(fix.and_then(Result::ok)),
+    }
+}
+
+/// Landmarks; with `sigma` \[rad\] how well they are known.
 #[pyfunction]
 pub fn triangulate<'py>(
     py: Python<'py>,
     poses: Floats<'py>,
     bearings: Floats<'py>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    sigma: Option<f64>,
+) -> PyResult<Fixes<'py>> {
     let poses = convert::finite_poses(py, "poses", &poses)?;
     let (bearings, columns) = convert::table(py, "bearings", &bearings, poses.len())?;
-    let landmarks = py.detach(|| {
-        (0..columns)
-            .map(|landmark| {
-                let rays = poses.iter().enumerate().filter_map(|(view, pose)| {
-                    let bearing = bearings[view * columns + landmark];
-                    (!bearing.is_nan()).then(|| (*pose, crate::Bearing::new(bearing)))
-                });
-                crate::triangulate(rays).ok().map(|found| found.point)
-            })
-            .collect::<Vec<_>>()
+    let found = py.detach(|| {
+        let found = (0..columns).map(|landmark| {
+            let rays = poses.iter().enumerate().filter_map(|(view, pose)| {
+                let bearing = bearings[view * columns + landmark];
+                (!bearing.is_nan()).then(|| (*pose, crate::Bearing::new(bearing)))
+            });
+            let Ok(found) = crate::triangulate(rays.clone()) else {
+                return Ok((None, None));
+            };
+            if found.behind > 0 {
+                return Ok((None, None));
+            }
+            let fix = |sigma| Fix::of_landmark(&found.point, rays, sigma);
+            Ok((Some(found.point), determined(sigma.map(fix))?))
+        });
+        found.collect::<Result<(Vec<_>, Vec<_>), _>>()
     });
-    Ok(convert::points(py, &landmarks))
+    let (points, fixes) = found.map_err(|error| errors::error(py, error))?;
+    let points = convert::points(py, &points);
+    Fixes::new(py, points, &fixes, sigma.is_some())
 }
 
+/// Poses of the views, the rows of `bearings`; with `sigma` \[rad\] how well they are known. A view that cannot be
+/// resected is NaN, or with `strict` an error.
 #[pyfunction]
 pub fn resect<'py>(
     py: Python<'py>,
     landmarks: Floats<'py>,
     bearings: Floats<'py>,
-) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    sigma: Option<f64>,
+    strict: bool,
+) -> PyResult<Fixes<'py>> {
     let points = convert::finite_points(py, "landmarks", &landmarks)?;
-    let (bearings, _) = convert::vector(py, "bearings", &bearings, Some(points.len()))?;
-    let sightings: Vec<_> = points
-        .into_iter()
-        .zip(bearings)
-        .filter(|(_, bearing)| !bearing.is_nan())
-        .map(|(point, bearing)| (point, crate::Bearing::new(bearing)))
-        .collect();
-    let found = py
-        .detach(|| crate::resect(sightings.iter().copied()))
-        .map_err(|error| errors::error(py, error))?;
-    Ok(PyArray1::from_slice(py, &convert::triplet(&found.pose)))
+    let (bearings, views) = convert::rows(py, "bearings", &bearings, points.len())?;
+    let found = py.detach(|| {
+        let found = (0..views).map(|view| {
+            let row = &bearings[view * points.len()..][..points.len()];
+            let seen = points.iter().zip(row);
+            let seen = seen
+                .filter(|(_, bearing)| !bearing.is_nan())
+                .map(|(point, bearing)| (*point, crate::Bearing::new(*bearing)));
+            let pose = match crate::resect(seen.clone()) {
+                Ok(found) => found.pose,
+                Err(error) if strict => return Err(error),
+                Err(_) => return Ok((None, None)),
+            };
+            let fix = |sigma| Fix::of_pose(&pose, seen, sigma);
+            Ok((Some(pose), determined(sigma.map(fix))?))
+        });
+        found.collect::<Result<(Vec<_>, Vec<_>), _>>()
+    });
+    let (poses, fixes) = found.map_err(|error| errors::error(py, error))?;
+    let poses = convert::poses(py, poses.iter().map(Option::as_ref));
+    Fixes::new(py, poses, &fixes, sigma.is_some())
 }
 
 #[pyfunction]
@@ -58,11 +135,6 @@ pub fn align(
     let source = convert::finite_points(py, "source", &source)?;
     let target = convert::finite_points(py, "target", &target)?;
     let found = crate::align(&source, &target).map_err(|error| errors::error(py, error))?;
-    let shift = found.isometry.translation;
-    Ok((
-        found.scaling(),
-        convert::angle(&found.isometry.rotation),
-        shift.x,
-        shift.y,
-    ))
+    let [x, y, angle] = crate::xytheta(&found.isometry);
+    Ok((found.scaling(), angle, x, y))
 }

@@ -173,7 +173,7 @@ fn write(
     let branches = if solution.flattened { 1 } else { 2 };
     for (branch, motion) in solution.motions[..branches].iter().enumerate() {
         for (view, pose) in motion.poses.iter().enumerate() {
-            poses[9 * branch + 3 * view..][..3].copy_from_slice(&convert::triplet(pose));
+            poses[9 * branch + 3 * view..][..3].copy_from_slice(&crate::xytheta(pose));
         }
         for (j, triple) in triples.iter().enumerate() {
             if let Some(point) = motion.landmark(triple) {

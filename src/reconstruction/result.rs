@@ -6,8 +6,9 @@ use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Termination};
-use crate::problem::{Map, Problem, Undetermined};
+use crate::problem::{Count, Map, Missing, Problem, Subject, Undetermined};
 use alloc::vec::Vec;
+use core::fmt;
 
 /// A map, how well it explains the bearings, and its rivals.
 ///
@@ -96,6 +97,52 @@ impl Reconstruction {
     }
 }
 
+/// One line: `12 views, 15 landmarks, rms 0.49 deg, cost 71.2, converged after 6 iterations; 1 landmark undetermined`.
+/// Other components are counted at the end.
+impl fmt::Display for Reconstruction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let views = Count(self.map.poses.len(), "view");
+        let landmarks = Count(self.map.landmarks.len(), "landmark");
+        let (rms, cost) = (Short(self.rms.to_degrees()), Short(self.cost));
+        let termination = self.termination;
+        write!(
+            f,
+            "{views}, {landmarks}, rms {rms} deg, cost {cost}, {termination}"
+        )?;
+        if termination != Termination::NotRefined {
+            write!(f, " after {}", Count(self.iterations, "iteration"))?;
+        }
+        let all = self.undetermined.len();
+        let subjects = self.undetermined.iter().map(|one| one.subject);
+        let views = subjects.filter(|subject| matches!(subject, Subject::View(_)));
+        let views = views.count();
+        let landmarks = all - views;
+        write!(f, "{}", Missing { views, landmarks })?;
+        match self.components.len() {
+            0 => Ok(()),
+            others => write!(f, "; {}", Count(others, "other component")),
+        }
+    }
+}
+
+/// A number in three digits, from 0.001 to 999; a longer or shorter one as an integer or with an exponent.
+struct Short(f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = *self;
+        match value.abs() {
+            0.0 => write!(f, "0"),
+            size if size < 1e-3 || size >= 1e6 => write!(f, "{value:.2e}"),
+            size => {
+                let below = [100.0, 10.0, 1.0, 0.1, 0.01].iter();
+                let digits = below.filter(|bound| size < **bound).count();
+                write!(f, "{value:.digits$}")
+            }
+        }
+    }
+}
+
 /// Measured numbers less parameters, except for those of the gauge.
 fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let views = map.poses.iter().flatten().count();
@@ -103,4 +150,65 @@ fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let (free, numbers) = gauge_and_prior_numbers(problem, map);
     let measured = residuals.iter().flatten().count() + numbers;
     (measured + free).saturating_sub(3 * views + 2 * landmarks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::Why;
+    use alloc::string::ToString;
+
+    #[test]
+    fn a_reconstruction_prints_as_one_line() {
+        let mut found = Reconstruction {
+            map: Map::empty(12, 15),
+            cost: 71.23,
+            rms: 0.4912_f64.to_radians(),
+            residuals: Vec::new(),
+            inliers: Vec::new(),
+            freedom: 0,
+            termination: Termination::Converged,
+            iterations: 6,
+            undetermined: alloc::vec![Undetermined {
+                subject: Subject::Landmark(3),
+                why: Why::Degenerate,
+            }],
+            sensitivity: f64::NAN,
+            uncertainty: f64::NAN,
+            alternatives: Vec::new(),
+            components: Vec::new(),
+        };
+        assert_eq!(
+            found.to_string(),
+            "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, converged after 6 iterations; 1 landmark undetermined"
+        );
+        found.termination = Termination::NotRefined;
+        found.components = alloc::vec![found.clone()];
+        found.undetermined.clear();
+        assert_eq!(
+            found.to_string(),
+            "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, not refined; 1 other component"
+        );
+        let all = "12 views, 15 landmarks; 12 views and 15 landmarks undetermined";
+        assert_eq!(found.map.to_string(), all);
+    }
+
+    #[test]
+    fn numbers_have_three_digits() {
+        let cases = [
+            (0.0, "0"),
+            (1.234e-7, "1.23e-7"),
+            (0.0012345, "0.00123"),
+            (0.12345, "0.123"),
+            (1.2345, "1.23"),
+            (12.345, "12.3"),
+            (123.45, "123"),
+            (12345.6, "12346"),
+            (1.2345e8, "1.23e8"),
+            (f64::NAN, "NaN"),
+        ];
+        for (value, expected) in cases {
+            assert_eq!(Short(value).to_string(), expected);
+        }
+    }
 }

@@ -1,19 +1,35 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Resection: a pose from known landmarks."""
+"""Resection: poses from known landmarks."""
 
 from __future__ import annotations
+
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, floats
+from bearslam.data.checks import FloatArray, flag, floats, plain, real
+from bearslam.data.fix import Fix, fix_from_core
+from bearslam.errors import InvalidInputError
 
 __all__ = ["resect"]
 
 
-def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
-    """Pose of one view from its bearings to known landmarks, linearly.
+@overload
+def resect(
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[False] = False
+) -> FloatArray: ...
+@overload
+def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[True]) -> Fix: ...
+@overload
+def resect(
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+) -> FloatArray | Fix: ...
+def resect(
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+) -> FloatArray | Fix:
+    """Pose of one view, or of each of several, from bearings to known landmarks, linearly.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
     bearing, with c^2 + s^2 = 1 and each row divided by the range: [[c, -s], [s, c]] and (t1, t2) take the map into the
@@ -22,21 +38,28 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
     Parameters
     ----------
     landmarks : (n, 2) array_like of float
-        Positions in the map frame [length].
-    bearings : (n,) array_like of float
-        Direction to each landmark in the frame of the view [rad]; NaN where it was not seen. At least three are needed.
+        Positions in the map frame [length]; those that no view has seen may be NaN.
+    bearings : (n,) or (m, n) array_like of float
+        Direction to each landmark in the frame of one view, or of each of m [rad]; NaN where it was not seen. A view
+        needs at least three.
+    sigma : float, default 1
+        Standard deviation of a bearing [rad]; only the details depend on it.
+    details : bool, default False
+        Whether to return how well the poses are known as well.
 
     Returns
     -------
-    (3,) ndarray
-        Position and heading (x, y, theta) of the view in the map frame [length, rad].
+    (3,) or (m, 3) ndarray, or Fix
+        Position and heading (x, y, theta) of each view in the map frame [length, rad]; of several, NaN for one that
+        cannot be resected. With `details` a `Fix`: poses, covariances, residuals.
 
     Raises
     ------
     InvalidInputError
-        If shapes do not match, fewer than three landmarks were seen, or a number is not finite.
+        If shapes do not match, a number is not finite, `sigma` is not above 0, or the only view has seen fewer than
+        three landmarks.
     DegenerateError
-        If more than one pose fits: three landmarks on a circle with the view, or coincident landmarks.
+        If more than one pose fits the only view: it is on a circle with its landmarks, or they coincide.
 
     References
     ----------
@@ -46,11 +69,35 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike) -> FloatArray:
     --------
     >>> import numpy as np
     >>> from bearslam import resect
-    >>> pose = resect([[1.0, 0.0], [0.0, 2.0], [-3.0, 0.0], [0.0, -1.0]], [-0.5, np.pi / 2 - 0.5, np.pi - 0.5, -2.0708])
-    >>> bool(np.allclose(pose, [0.0, 0.0, 0.5], atol=1e-4))
+    >>> landmarks = [[1.0, 0.0], [0.0, 2.0], [-3.0, 0.0], [0.0, -1.0]]
+    >>> bearings = [-0.5, np.pi / 2 - 0.5, np.pi - 0.5, -np.pi / 2 - 0.5]
+    >>> pose = resect(landmarks, bearings)
+    >>> bool(np.allclose(pose, [0.0, 0.0, 0.5]))
     True
+
+    Several views at once; the second sees too few landmarks.
+
+    >>> resect(landmarks, [bearings, [0.1, 0.2, np.nan, np.nan]]).shape
+    (2, 3)
+    >>> fix = resect(landmarks, bearings, sigma=0.01, details=True)
+    >>> np.sqrt(np.diag(fix.covariance)).round(4)
+    array([0.0092, 0.01  , 0.0054])
     """
     points = floats("landmarks", landmarks, ("n", 2), missing=True)
-    directions = floats("bearings", bearings, (len(points),), missing=True)
-    seen = ~np.isnan(directions)
-    return _core.resect(floats("landmarks", points[seen], ("n", 2)), directions[seen])
+    table = plain("bearings", bearings)
+    single = table.ndim == 1
+    directions = floats("bearings", table, (len(points),) if single else ("m", len(points)), missing=True)
+    deviation = real("sigma", sigma, 0.0, above=True)
+    detailed = flag("details", details)
+    rows = directions[None] if single else directions
+    seen = ~np.isnan(rows).all(axis=0)
+    unknown = np.argwhere(seen[:, None] & np.isnan(points))
+    if len(unknown):
+        index, axis = unknown[0]
+        raise InvalidInputError(
+            f"landmarks[{index}, {axis}]: expected a finite number for a landmark that was seen, got nan"
+        )
+    raw = _core.resect(points[seen], rows[:, seen], deviation if detailed else None, single)
+    if detailed:
+        return fix_from_core(raw, single=single)
+    return raw["value"][0] if single else raw["value"]

@@ -3,34 +3,54 @@
 
 from __future__ import annotations
 
+from typing import Literal, overload
+
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, floats
+from bearslam.data.checks import FloatArray, flag, floats, plain, real
+from bearslam.data.fix import Fix, fix_from_core
 
 __all__ = ["triangulate"]
 
 
-def triangulate(poses: ArrayLike, bearings: ArrayLike) -> FloatArray:
+@overload
+def triangulate(
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[False] = False
+) -> FloatArray: ...
+@overload
+def triangulate(poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[True]) -> Fix: ...
+@overload
+def triangulate(
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+) -> FloatArray | Fix: ...
+def triangulate(
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+) -> FloatArray | Fix:
     """Positions of landmarks from bearings at known poses: the least-squares intersection of the rays, linearly.
 
     Parameters
     ----------
     poses : (m, 3) array_like of float
         Position and heading (x, y, theta) of each view in the map frame [length, rad]; m >= 2.
-    bearings : (m, n) array_like of float
-        Direction to each landmark in the frame of each view [rad]; NaN where it was not seen.
+    bearings : (m,) or (m, n) array_like of float
+        Direction to one landmark, or to each of n, in the frame of each view [rad]; NaN where it was not seen.
+    sigma : float, default 1
+        Standard deviation of a bearing [rad]; only the details depend on it.
+    details : bool, default False
+        Whether to return how well the landmarks are known as well.
 
     Returns
     -------
-    (n, 2) ndarray
+    (2,) or (n, 2) ndarray, or Fix
         Positions in the map frame [length]. NaN for a landmark that the rays do not determine: seen fewer than twice,
-        along parallel rays, or if the rays intersect behind the views.
+        along parallel rays, or if the lines intersect behind a view that sees it. With `details` a `Fix`: positions,
+        covariances, residuals.
 
     Raises
     ------
     InvalidInputError
-        If shapes do not match or a number is not finite.
+        If shapes do not match, a number is not finite, or `sigma` is not above 0.
 
     References
     ----------
@@ -41,8 +61,25 @@ def triangulate(poses: ArrayLike, bearings: ArrayLike) -> FloatArray:
     >>> import numpy as np
     >>> from bearslam import triangulate
     >>> poses = [[0.0, 0.0, 0.0], [2.0, 0.0, np.pi / 2]]
-    >>> triangulate(poses, [[np.pi / 4], [np.pi / 4]]).round(6)
-    array([[1., 1.]])
+    >>> triangulate(poses, [np.pi / 4, np.pi / 4]).round(6)
+    array([1., 1.])
+    >>> fix = triangulate(poses, [np.pi / 4, np.pi / 4], sigma=0.01, details=True)
+    >>> np.sqrt(np.diag(fix.covariance)).round(6)
+    array([0.014142, 0.014142])
+
+    Rays that diverge meet nowhere; their lines do, behind the views.
+
+    >>> triangulate([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]], [0.5, 0.2])
+    array([nan, nan])
     """
     known = floats("poses", poses, ("m", 3))
-    return _core.triangulate(known, floats("bearings", bearings, (len(known), "n"), missing=True))
+    table = plain("bearings", bearings)
+    single = table.ndim == 1
+    directions = floats("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)
+    deviation = real("sigma", sigma, 0.0, above=True)
+    detailed = flag("details", details)
+    columns = directions[:, None] if single else directions
+    raw = _core.triangulate(known, columns, deviation if detailed else None)
+    if detailed:
+        return fix_from_core(raw, single=single)
+    return raw["value"][0] if single else raw["value"]

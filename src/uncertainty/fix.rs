@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How well a landmark is known from given poses, or a pose from given landmarks.
+
+use crate::error::{Degeneracy, Error};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::{Bearing, Pose};
+use crate::lm::{BearingRow, Ray};
+use nalgebra::{Point2, SMatrix, SVector};
+
+/// The uncertainty of a position fix: a landmark from rays of known poses (`N = 2`), or a pose from bearings of
+/// known landmarks (`N = 3`).
+///
+/// With the residuals `r` (predicted minus measured bearing) and their derivatives `J` by the `N` unknowns, the
+/// covariance is `sigma^2 (J^T J)^-1`: that of least squares to first order in the noise, all bearings
+/// independent with the standard deviation `sigma`, what is given taken as exact. The linear estimates
+/// [`triangulate`](crate::triangulate) and [`resect`](crate::resect) have the same, because they divide each row by
+/// its range. It is the covariance for the stated `sigma`; multiplied by the square of `sigma0` it is that for
+/// residuals as large as they are.
+///
+/// # Example
+/// ```
+/// use bearslam::{Bearing, Fix, pose, triangulate};
+/// let rays = [
+///     (pose(0.0, 0.0, 0.0), Bearing::new(45_f64.to_radians())),
+///     (pose(2.0, 0.0, 0.0), Bearing::new(135_f64.to_radians())),
+/// ];
+/// let landmark = triangulate(rays)?.point;
+/// let fix = Fix::of_landmark(&landmark, rays, 0.01)?;
+/// // Rays at right angles: the range of sqrt(2) times sigma in every direction.
+/// assert!((fix.covariance[(0, 0)].sqrt() - 2_f64.sqrt() * 0.01).abs() < 1e-12);
+/// assert!(fix.covariance[(0, 1)].abs() < 1e-12);
+/// // Two rays always meet: nothing is left to judge sigma by.
+/// assert!(fix.sigma0.is_nan());
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix<const N: usize> {
+    /// Covariance of `(x, y)` or `(x, y, heading)` in the map frame \[length, rad\].
+    pub covariance: SMatrix<f64, N, N>,
+    /// Root mean square of the residuals \[rad\].
+    pub rms: f64,
+    /// Standard deviation of unit weight: root of the sum of `(r / sigma)^2` over the redundancy, the number of
+    /// sightings less `N`. About 1 where `sigma` is right; NaN without redundancy.
+    pub sigma0: f64,
+}
+
+impl Fix<2> {
+    /// The fix of a landmark at `point` from rays: known poses, and the bearing measured at each.
+    ///
+    /// A ray that begins at the landmark itself says nothing of it, and does not count.
+    ///
+    /// # Errors
+    /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a landmark, pose or bearing that is
+    /// not; [`Error::TooFew`] for fewer than two rays; [`Error::Degenerate`] when all are along one line.
+    pub fn of_landmark<I>(point: &Point2<f64>, rays: I, sigma: f64) -> Result<Self, Error>
+    where
+        I: IntoIterator<Item = (Pose<f64>, Bearing<f64>)>,
+    {
+        let weight = weight(sigma)?;
+        let rays = rays.into_iter();
+        let rows = rays.filter(|(pose, _)| pose.translation.vector != point.coords);
+        let rows = rows.map(|(pose, bearing)| {
+            let row = BearingRow::new(&pose, point, &Ray { bearing, weight }, true);
+            (row.landmark(), row.residual)
+        });
+        Self::of_rows(rows, weight, "rays of a landmark", Degeneracy::ParallelRays)
+    }
+}
+
+impl Fix<3> {
+    /// The fix of a view at `pose` from sightings: known landmarks, and the bearing of each.
+    ///
+    /// A landmark at the position of the view says nothing of it, and does not count.
+    ///
+    /// # Errors
+    /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a pose, landmark or bearing that is
+    /// not; [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are on one circle with
+    /// the view.
+    pub fn of_pose<I>(pose: &Pose<f64>, sightings: I, sigma: f64) -> Result<Self, Error>
+    where
+        I: IntoIterator<Item = (Point2<f64>, Bearing<f64>)>,
+    {
+        let weight = weight(sigma)?;
+        let sightings = sightings.into_iter();
+        let rows = sightings.filter(|(point, _)| pose.translation.vector != point.coords);
+        let rows = rows.map(|(point, bearing)| {
+            let row = BearingRow::new(pose, &point, &Ray { bearing, weight }, true);
+            (row.pose(), row.residual)
+        });
+        let kind = Degeneracy::AmbiguousResection;
+        Self::of_rows(rows, weight, "landmarks of a view", kind)
+    }
+}
+
+/// One over a standard deviation, whose square must be a number as well.
+fn weight(sigma: f64) -> Result<f64, Error> {
+    let weight = 1.0 / sigma;
+    let square = weight * weight;
+    if !(sigma > 0.0 && square > 0.0 && square.is_finite()) {
+        return Err(Error::NotPositive {
+            what: "sigma",
+            index: 0,
+            value: sigma,
+        });
+    }
+    Ok(weight)
+}
+
+/// Pivot of the normal equations, each unknown in units of its own information, up to which they are singular:
+/// the rounding of their entries.
+const SINGULAR: f64 = 64.0 * f64::EPSILON;
+
+impl<const N: usize> Fix<N> {
+    /// From derivatives and residuals, both over sigma.
+    fn of_rows(
+        rows: impl Iterator<Item = ([f64; N], f64)>,
+        weight: f64,
+        what: &'static str,
+        kind: Degeneracy,
+    ) -> Result<Self, Error> {
+        let mut information = SMatrix::<f64, N, N>::zeros();
+        let (mut squares, mut count) = (0.0, 0_usize);
+        for (derivative, residual) in rows {
+            let row = SVector::from(derivative);
+            if !(row.norm_squared() + residual).is_finite() {
+                return Err(Error::NotFinite { what, index: count });
+            }
+            information += row * row.transpose();
+            squares += residual * residual;
+            count += 1;
+        }
+        if count < N {
+            return Err(Error::TooFew {
+                what,
+                needed: N,
+                got: count,
+            });
+        }
+        // Lengths and radians differ: each unknown in units of what the bearings say of it alone.
+        let unit = information.diagonal().map(|entry| 1.0 / entry.sqrt());
+        let scale = SMatrix::from_diagonal(&unit);
+        let singular = |value: f64| Error::Degenerate {
+            kind,
+            value,
+            bound: SINGULAR,
+        };
+        let factor = (scale * information * scale)
+            .cholesky()
+            .ok_or(singular(0.0))?;
+        let root = factor.l_dirty().diagonal().min();
+        let pivot = root * root;
+        if !(pivot > SINGULAR) {
+            return Err(singular(pivot));
+        }
+        Ok(Self {
+            covariance: scale * factor.inverse() * scale,
+            rms: (squares / count as f64).sqrt() / weight,
+            sigma0: match count - N {
+                0 => f64::NAN,
+                redundancy => (squares / redundancy as f64).sqrt(),
+            },
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{bearing_to, pose};
+    use crate::kernels::{resect, triangulate};
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+    use std::vec::Vec;
+
+    const SIGMA: f64 = 0.003;
+
+    fn rays() -> (Point2<f64>, Vec<(Pose<f64>, Bearing<f64>)>) {
+        let point = Point2::new(103.0, -48.5);
+        let poses = [
+            pose(101.0, -50.0, 0.4),
+            pose(104.5, -52.0, 2.0),
+            pose(99.0, -47.0, -3.0),
+            pose(103.5, -46.0, 1.0),
+        ];
+        let seen = poses.map(|pose| (pose, bearing_to(&pose, &point).unwrap()));
+        (point, seen.to_vec())
+    }
+
+    fn sightings() -> (Pose<f64>, Vec<(Point2<f64>, Bearing<f64>)>) {
+        let truth = pose(31.0, 12.0, 2.5);
+        let points = [
+            Point2::new(33.0, 15.0),
+            Point2::new(27.0, 10.0),
+            Point2::new(30.0, 18.0),
+            Point2::new(35.0, 11.0),
+            Point2::new(32.0, 6.0),
+        ];
+        let seen = points.map(|point| (point, bearing_to(&truth, &point).unwrap()));
+        (truth, seen.to_vec())
+    }
+
+    fn turned<T: Clone>(seen: &[(T, Bearing<f64>)], k: usize, by: f64) -> Vec<(T, Bearing<f64>)> {
+        let mut seen = seen.to_vec();
+        seen[k].1 *= Bearing::new(by);
+        seen
+    }
+
+    /// What the noise of the bearings does to an estimate, by differences of the estimate itself.
+    fn by_differences<T: Clone, const N: usize>(
+        seen: &[(T, Bearing<f64>)],
+        estimate: impl Fn(&[(T, Bearing<f64>)]) -> SVector<f64, N>,
+    ) -> SMatrix<f64, N, N> {
+        let step = 1e-5;
+        let mut covariance = SMatrix::zeros();
+        for k in 0..seen.len() {
+            let (up, down) = (turned(seen, k, step), turned(seen, k, -step));
+            let slope = (estimate(&up) - estimate(&down)) / (2.0 * step);
+            covariance += slope * slope.transpose() * (SIGMA * SIGMA);
+        }
+        covariance
+    }
+
+    fn landmark(seen: &[(Pose<f64>, Bearing<f64>)]) -> SVector<f64, 2> {
+        triangulate(seen.iter().copied()).unwrap().point.coords
+    }
+
+    fn view(seen: &[(Point2<f64>, Bearing<f64>)]) -> SVector<f64, 3> {
+        let found = resect(seen.iter().copied()).unwrap().pose;
+        SVector::from([
+            found.translation.x,
+            found.translation.y,
+            found.rotation.angle(),
+        ])
+    }
+
+    // 1e-6: central differences with a step of 1e-5 rad are wrong by its square, times the curvature.
+    #[test]
+    fn covariances_are_those_of_the_linear_estimates() {
+        let (point, seen) = rays();
+        let fix = Fix::of_landmark(&point, seen.iter().copied(), SIGMA).unwrap();
+        let expected = by_differences(&seen, landmark);
+        assert!((fix.covariance - expected).norm() < 1e-6 * expected.norm());
+        assert!(fix.rms < 1e-12 && fix.sigma0 < 1e-9);
+
+        let (pose, seen) = sightings();
+        let fix = Fix::of_pose(&pose, seen.iter().copied(), SIGMA).unwrap();
+        let expected = by_differences(&seen, view);
+        assert!((fix.covariance - expected).norm() < 1e-6 * expected.norm());
+        assert!(fix.rms < 1e-12 && fix.sigma0 < 1e-9);
+    }
+
+    /// Over noisy trials the errors have the covariance of the fix, and `sigma0` is 1.
+    #[test]
+    fn errors_of_noisy_bearings_are_as_predicted() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let (truth, seen) = sightings();
+        let exact = view(&seen);
+        let predicted = Fix::of_pose(&truth, seen.iter().copied(), SIGMA).unwrap();
+        let information = predicted.covariance.try_inverse().unwrap();
+        let (trials, mut squares, mut units) = (4000, 0.0, 0.0);
+        for _ in 0..trials {
+            let mut noisy = seen.clone();
+            for (_, bearing) in &mut noisy {
+                let error: f64 = StandardNormal.sample(&mut random);
+                *bearing *= Bearing::new(error * SIGMA);
+            }
+            let found = resect(noisy.iter().copied()).unwrap().pose;
+            let error = view(&noisy) - exact;
+            squares += (error.transpose() * information * error).x / f64::from(trials);
+            let fix = Fix::of_pose(&found, noisy, SIGMA).unwrap();
+            units += fix.sigma0 * fix.sigma0 / f64::from(trials);
+        }
+        // Chi-squared of 3 and of 2 degrees of freedom: four standard deviations of the mean of 4000.
+        assert!(
+            (squares - 3.0).abs() < 4.0 * (6.0_f64 / 4000.0).sqrt(),
+            "{squares}"
+        );
+        assert!(
+            (units - 1.0).abs() < 4.0 * (1.0_f64 / 4000.0).sqrt(),
+            "{units}"
+        );
+    }
+
+    #[test]
+    fn what_fixes_nothing_is_an_error() {
+        let (point, seen) = rays();
+        let too_few = Fix::of_landmark(&point, seen[..1].iter().copied(), SIGMA);
+        assert!(matches!(
+            too_few,
+            Err(Error::TooFew {
+                needed: 2,
+                got: 1,
+                ..
+            })
+        ));
+        let at = |x: f64| (pose(x, 0.0, 0.0), Bearing::new(0.0));
+        let in_line = Fix::of_landmark(&Point2::new(5.0, 0.0), [at(0.0), at(1.0)], SIGMA);
+        assert!(matches!(
+            in_line,
+            Err(Error::Degenerate {
+                kind: Degeneracy::ParallelRays,
+                ..
+            })
+        ));
+        // The ray that begins at the landmark does not count.
+        let one_left = Fix::of_landmark(&Point2::new(1.0, 0.0), [at(0.0), at(1.0)], SIGMA);
+        assert!(matches!(one_left, Err(Error::TooFew { got: 1, .. })));
+
+        let view = pose(-1.0, 0.0, 0.3);
+        let on_circle = [0.3_f64, 1.1, 2.6].map(|angle| {
+            let point = Point2::new(angle.cos(), angle.sin());
+            (point, bearing_to(&view, &point).unwrap())
+        });
+        assert!(matches!(
+            Fix::of_pose(&view, on_circle, SIGMA),
+            Err(Error::Degenerate {
+                kind: Degeneracy::AmbiguousResection,
+                ..
+            })
+        ));
+        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let refused = Fix::of_landmark(&point, seen.iter().copied(), sigma);
+            assert!(matches!(refused, Err(Error::NotPositive { .. })), "{sigma}");
+        }
+        let lost = Point2::new(f64::NAN, 0.0);
+        let refused = Fix::of_landmark(&lost, seen, SIGMA);
+        assert!(matches!(refused, Err(Error::NotFinite { .. })));
+    }
+}
