@@ -5,7 +5,7 @@
 //! fixes the frame is fulfilled exactly before anything is refined.
 
 use super::bundle::Bundle;
-use super::linearized::kept_positions;
+use super::elimination::kept_positions;
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -22,16 +22,16 @@ const STEPS: usize = 30;
 /// The map after the similarity with the least cost of its ties, near the best of some first ones.
 ///
 /// With bearings modulo pi every heading may be turned round as well, each for itself.
-pub fn fitted(problem: &Problem, map: &Map) -> Map {
+pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
     let active = map.restrict(problem);
     if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
         return map.clone();
     }
-    let mut best = settle(&active, Bundle::from_map(map));
+    let mut best = fit_similarity(&active, Bundle::from_map(map));
     for first in first_frames(&active, &Bundle::from_map(map)) {
         let mut bundle = Bundle::from_map(map);
         bundle.transform(&first);
-        let found = settle(&active, bundle);
+        let found = fit_similarity(&active, bundle);
         if found.0 < best.0 {
             best = found;
         }
@@ -133,7 +133,7 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
 }
 
 /// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
-fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
+use super::boundary;
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::{BundleAdjustment, StepSolver};
-use super::linearized::{Linearized, gauge, keeps_landmarks};
+use super::elimination::{GroupedSightings, gauge, keeps_landmarks};
 use super::newton;
 use super::normal::Normal;
 use super::prior_rows::linearize;
@@ -148,7 +149,7 @@ fn minimize_reduced<const E: usize, const K: usize>(
     adjustment: &mut BundleAdjustment<'_, '_>,
 ) -> Result<Termination, Error>
 where
-    for<'x> Linearized<'x>: Grouped<E, K>,
+    for<'x> GroupedSightings<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     let problem = adjustment.problem;
@@ -164,7 +165,7 @@ where
     let first = if newton { limit.min(SOON) } else { limit };
     match adjustment.run(&mut reduced, first)? {
         Termination::MaxIterations if first < limit => newton::finish(adjustment),
-        Termination::Converged if newton && newton::near_boundary(adjustment) => {
+        Termination::Converged if newton && boundary::near_boundary(adjustment) => {
             newton::finish(adjustment)
         }
         termination => Ok(termination),
@@ -184,7 +185,7 @@ struct Reduced<'a, const E: usize, const K: usize> {
 
 impl<const E: usize, const K: usize> StepSolver for Reduced<'_, E, K>
 where
-    for<'x> Linearized<'x>: Grouped<E, K>,
+    for<'x> GroupedSightings<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     fn solve(
@@ -194,14 +195,11 @@ where
         damping: f64,
         result: &mut Bundle,
     ) -> Option<f64> {
-        let linearized = Linearized {
+        let grouped = GroupedSightings {
             problem: self.problem,
             rows: &rows.sightings,
         };
-        if !self
-            .schur
-            .factorize(&linearized, damping, &gauge::<K>(bundle))
-        {
+        if !self.schur.factorize(&grouped, damping, &gauge::<K>(bundle)) {
             return None;
         }
         let cost = rows
@@ -210,7 +208,7 @@ where
             .fold(0.0, |sum, row| sum + row.residual * row.residual)
             * 0.5;
         let (kept, gone) = &mut self.step;
-        let left = self.schur.solve(&linearized, kept, gone);
+        let left = self.schur.solve(&grouped, kept, gone);
         self.step.apply(bundle, result);
         Some(cost - left)
     }

@@ -3,8 +3,8 @@
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::elimination::kept_positions;
 use crate::adjustment::gauge::gauge_directions;
-use crate::adjustment::linearized::kept_positions;
 use crate::adjustment::normal::Normal;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
