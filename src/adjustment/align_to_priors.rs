@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map moved as a whole to where odometry and priors want it.
+//! A map aligned with odometry and priors by a similarity.
 //!
-//! Bearings do not change when a map is moved, turned and scaled, so this costs them nothing, and what only
-//! fixes the frame is fulfilled exactly before anything is refined.
+//! Bearings do not change when a map is moved, turned and scaled as a whole. So odometry and priors come as close
+//! as they can before anything is refined, and those that only fix the frame are then met exactly.
 
 use super::bundle::Bundle;
 use super::elimination::kept_positions;
@@ -16,12 +16,21 @@ use nalgebra::{
     Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
 };
 
-/// Steps of Gauss-Newton in the four numbers of a similarity; it converges in a few.
+/// Most steps of Gauss-Newton in the four numbers of a similarity. It converges in a few; this bounds the time.
 const STEPS: usize = 30;
 
-/// The map after the similarity with the least cost of its ties, near the best of some first ones.
+/// Most times that a step which does not lower the cost is quartered. Eight times are a factor of 65,536:
+/// then the cost is at its minimum, up to rounding.
+const QUARTERINGS: usize = 8;
+
+/// The descent ends when a step lowers the cost by less than this part of it: what is left is small beside what the
+/// refinement that follows will change.
+const TOLERANCE: f64 = 1e-12;
+
+/// The map after the similarity with the least cost of odometry and priors: the lowest minimum that is reached from
+/// the map as it is and from a few first guesses.
 ///
-/// With bearings modulo pi every heading may be turned round as well, each for itself.
+/// With bearings modulo pi each heading may be turned by pi as well, independently of the others.
 pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
     let active = map.restrict(problem);
     if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
@@ -41,7 +50,7 @@ pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
     result
 }
 
-/// The cost of the ties.
+/// Twice the cost of odometry and priors.
 fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
     let ties = problem.ties().iter();
     ties.fold(0.0, |sum, tie| {
@@ -49,7 +58,8 @@ fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
     })
 }
 
-/// Turns headings round where ties want it: from prior to prior and along the odometry.
+/// Turns headings that are known modulo pi by pi where that brings them nearer to their prior, or to what odometry
+/// predicts from the view before.
 fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     if problem.is_oriented() {
         return;
@@ -70,7 +80,8 @@ fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     }
 }
 
-/// First guesses: by the known points, by the known headings, by the lengths of motions.
+/// First guesses of the similarity: from the positions that priors know, and from their headings together with the
+/// lengths of motions.
 fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
     let mut turn = Complex::new(0.0, 0.0);
@@ -89,7 +100,7 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
                 }
                 if root[2][2] > 0.0 {
                     let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
-                    // Modulo pi the double is what is known.
+                    // Modulo pi only twice the angle is known.
                     turn += if problem.is_oriented() { by } else { by * by };
                 }
             }
@@ -132,7 +143,8 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     found
 }
 
-/// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
+/// Minimises the cost over translation, rotation and scale by Gauss-Newton; returns twice the cost and the bundle
+/// at the minimum.
 fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
@@ -162,7 +174,7 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
                 gradient += change * row.residual[k];
             }
         }
-        // What no tie holds gets no step.
+        // A direction that odometry and priors leave free gets no step.
         let bound = normal.amax() * f64::EPSILON;
         let Ok(inverse) = normal.pseudo_inverse(bound) else {
             break;
@@ -170,7 +182,7 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
         let step = -(inverse * gradient);
         let mut part = 1.0;
         let mut lower = None;
-        for _ in 0..HALVINGS {
+        for _ in 0..QUARTERINGS {
             let by = step * part;
             let rotation = UnitComplex::new(by.z);
             let scale = by.w.exp();
@@ -190,12 +202,9 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
         let Some((there, moved)) = lower else { break };
         let gained = now - there;
         (now, bundle) = (there, moved);
-        if gained <= now * 1e-12_f64.max(f64::EPSILON) {
+        if gained <= now * TOLERANCE {
             break;
         }
     }
     (now, bundle)
 }
-
-/// Times that a step which does not lower the cost is quartered.
-const HALVINGS: usize = 8;

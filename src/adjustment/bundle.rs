@@ -74,7 +74,7 @@ impl Bundle {
         unit(views, self.landmarks.iter().map(|point| point.coords))
     }
 
-    /// Brings landmarks that are too far away to be told from infinity to where they can just be.
+    /// Brings landmarks beyond the horizon, which cannot be told from infinity, back to it.
     pub fn bring_in(&mut self) {
         if let Some(home) = self.poses.first() {
             for point in &mut self.landmarks {

@@ -20,7 +20,6 @@ pub struct TieRow {
 ///
 /// Odometry: `e = Z^-1 (P_i^-1 P_j)` as `(x, y, theta)`. Priors: estimate less prior in the map frame.
 pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> TieRow {
-    let (zero, one) = (0.0, 1.0);
     match tie {
         Tie::Motion {
             start,
@@ -35,8 +34,8 @@ pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> T
             let (c, s) = (back.re, back.im);
             let offset = to.translation.vector - from.translation.vector;
             let swung = Vector2::new(offset.y * c + offset.x * s, offset.y * s - offset.x * c);
-            let before = [[-c, s, swung.x], [-s, -c, swung.y], [zero, zero, -one]];
-            let after = [[c, -s, zero], [s, c, zero], [zero, zero, one]];
+            let before = [[-c, s, swung.x], [-s, -c, swung.y], [0.0, 0.0, -1.0]];
+            let after = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
             TieRow {
                 first: (Subject::View(*start), product(root, &before)),
                 second: Some((Subject::View(*end), product(root, &after))),
@@ -67,11 +66,11 @@ pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> T
         } => {
             let offset = landmarks[*landmark] - position;
             let [[a, b], [c, d]] = *root;
-            let wide = [[a, b, zero], [c, d, zero], [zero; 3]];
+            let wide = [[a, b, 0.0], [c, d, 0.0], [0.0; 3]];
             TieRow {
                 first: (Subject::Landmark(*landmark), wide),
                 second: None,
-                residual: whitened(&wide, [offset.x, offset.y, zero]),
+                residual: whitened(&wide, [offset.x, offset.y, 0.0]),
             }
         }
     }
@@ -83,7 +82,7 @@ impl TieRow {
         self.residual.iter().fold(0.0, |sum, r| sum + *r * *r)
     }
 
-    /// Residuals that count: those with a derivative.
+    /// The number of residuals that count: those with a derivative that is not zero.
     pub fn count(&self) -> usize {
         let weighs = |row: &&[f64; 3]| row.iter().any(|entry| *entry != 0.0);
         self.first.1.iter().filter(weighs).count()
@@ -96,8 +95,8 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     })
 }
 
-/// The product of a root of information with a residual; what has no weight adds nothing, even if it is
-/// infinite.
+/// The product of a root of information with a residual. What has no weight adds nothing, even where the residual
+/// is infinite.
 fn whitened(root: &[[f64; 3]; 3], residual: [f64; 3]) -> [f64; 3] {
     root.map(|row| {
         row.iter()

@@ -15,6 +15,13 @@ use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
 
+/// Largest dense system, in unknowns that are kept: below it the dense system was measured to be faster.
+const MAX_DENSE: usize = 600;
+
+/// Iterations after which Gauss-Newton counts as slow and Newton's method goes on: from good starts it converges
+/// in fewer.
+const SOON: usize = 8;
+
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
@@ -32,7 +39,7 @@ pub struct Report {
 
 /// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
 ///
-/// Views and landmarks without a value are left out, as are those that the rest does not fix; they
+/// Views and landmarks without a value are left out, as are those that the rest does not determine; they
 /// are listed in the report. The gauge is free and drifts a little with damped steps; fix it
 /// afterwards with [`Map::normalized`].
 ///
@@ -111,7 +118,7 @@ pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
     Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
 }
 
-/// The part of it that odometry and priors have.
+/// The part of the cost that odometry and priors have.
 pub fn cost_of_ties(problem: &Problem, map: &Map) -> f64 {
     if problem.ties().is_empty() {
         return 0.0;
@@ -124,18 +131,15 @@ pub fn cost_of_ties(problem: &Problem, map: &Map) -> f64 {
     }) * 0.5
 }
 
-/// Whether the sparse equations of everything serve better than the dense ones of what is left when one
-/// kind of block is eliminated.
+/// Whether a problem is solved by the sparse equations of everything rather than by the dense ones that are left when
+/// one kind of block is eliminated.
 ///
-/// Ties couple poses, which the elimination of poses does not bear. Otherwise a measured trade: the dense
-/// system is faster as long as it is small.
+/// Odometry couples poses, which then cannot be eliminated one by one, and priors fix part of the gauge. Otherwise
+/// size decides.
 pub fn is_sparse(problem: &Problem) -> bool {
     let kept = (2 * problem.landmarks()).min(3 * problem.views());
     !problem.ties().is_empty() || kept > MAX_DENSE
 }
-
-/// Largest dense system, in unknowns.
-const MAX_DENSE: usize = 600;
 
 /// By the sparse normal equations.
 fn minimize_sparse(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
@@ -171,9 +175,6 @@ where
         termination => Ok(termination),
     }
 }
-
-/// Iterations after which Gauss-Newton counts as slow.
-const SOON: usize = 8;
 
 /// The normal equations of Gauss-Newton, reduced.
 struct Reduced<'a, const E: usize, const K: usize> {

@@ -41,8 +41,8 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     }
 }
 
-/// A sighting over less than this part of the map's size says that two places are one and little else; beside its huge
-/// weight the others would be rounding, so it is left out.
+/// A sighting over less than this share of the map's size is left out. It says that view and landmark are in one
+/// place and little else, and beside its huge weight the others would be lost in rounding.
 const TOUCHING: f64 = 1e-4;
 
 /// Of the views, by the sparse equations.
@@ -63,13 +63,13 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
             .map(|step| step[0] * step[0] + step[1] * step[1])
             .sum::<f64>()
     };
-    // Weak landmarks may come before the direction that moves the views most.
     let found = weakest(&normal, LOOKED_AT);
     let largest = found.iter().map(square).fold(0.0, f64::max);
     (largest / size).sqrt()
 }
 
-/// Weak directions among which the one that moves the views most is chosen.
+/// Number of weakest directions among which the one that moves the views most is chosen: weak landmarks may come
+/// before it.
 const LOOKED_AT: usize = 8;
 
 /// The problem linearised, without sightings over next to no distance.
@@ -118,7 +118,7 @@ where
     (spread / size).max(loosest).sqrt()
 }
 
-/// Steps of inverse iteration in [`weakest_direction`]; the size is wanted to a few percent.
+/// Steps of inverse iteration in [`weakest_direction`]: enough to know its length to a few percent.
 const WEAKEST_STEPS: usize = 6;
 
 /// The direction of the blocks that stay in which the data hold them least, as a displacement one

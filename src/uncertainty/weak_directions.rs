@@ -55,10 +55,11 @@ pub struct Eigenpair {
     pub gain: f64,
 }
 
-/// Gain beyond which a direction is free: the information left along it is rounding.
+/// Gain beyond which a direction is free: the information left along it is 1e-11 of what its parameters have each by
+/// itself, which is rounding.
 const FREE: f64 = 1e11;
 
-/// Steps of the iteration; they give sizes to a few percent.
+/// Steps of the iteration in [`weakest`]: enough to know the lengths to a few percent.
 const STEPS: usize = 8;
 
 /// The free directions beyond the gauge, at most `count`.
