@@ -3,10 +3,7 @@
 
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-
-/// Units of rounding of the diagonal up to which a pivot is zero: the few subtractions that lead to it leave no
-/// more.
-const PIVOT_EPS: f64 = 4.0;
+use crate::lm::ZERO_PIVOT_EPS;
 
 /// A block that is eliminated: its damped normal matrix, factorised, and its gradient.
 #[derive(Clone, Copy)]
@@ -39,13 +36,13 @@ impl<const E: usize> Block<E> {
     /// Factor of `matrix` (lower triangle) with its diagonal grown by `1 + damping`.
     ///
     /// A pivot that is rounding belongs to a direction that no sighting determines, such as the range of a
-    /// landmark at infinity. Its entry in the factor is zero, so that the direction gets no step and does not
-    /// change what is left of the others. `None` for a matrix that is not finite.
+    /// landmark at infinity. Its entry in the factor is zero, so that the direction gets no step and the others
+    /// are solved for as if it were not there. `None` for a matrix that is not finite.
     fn new(matrix: &[[f64; E]; E], damping: f64) -> Option<Self> {
         let mut factor = *matrix;
         for i in 0..E {
             factor[i][i] *= 1.0 + damping;
-            let rounding = factor[i][i] * f64::EPSILON * PIVOT_EPS;
+            let rounding = factor[i][i] * f64::EPSILON * ZERO_PIVOT_EPS;
             for j in 0..i {
                 for k in 0..j {
                     let product = factor[i][k] * factor[j][k];
