@@ -2,11 +2,13 @@
 //! Least-squares adjustment of all poses and landmarks at once: residuals, normal equations, refinement.
 
 mod align_to_priors;
+mod block;
+mod boundary;
 pub(crate) mod bundle;
 mod bundle_adjustment;
 pub(crate) mod cholesky;
+pub(crate) mod elimination;
 pub(crate) mod gauge;
-pub(crate) mod linearized;
 mod newton;
 pub(crate) mod normal;
 pub(crate) mod prior_rows;
@@ -14,6 +16,6 @@ pub(crate) mod refine;
 pub(crate) mod schur;
 mod sparse;
 
-pub(crate) use align_to_priors::fitted;
+pub(crate) use align_to_priors::aligned_to_priors;
 pub use refine::{Report, refine_map};
-pub(crate) use refine::{cost, cost_of_ties};
+pub(crate) use refine::{cost, cost_of_priors};

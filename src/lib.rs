@@ -89,8 +89,7 @@ pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, dia
 pub use error::{Degeneracy, Error};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
-    Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose,
-    xytheta,
+    Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose, xytheta,
 };
 pub use kernels::{
     CalibratedTensor, Epipoles, Method, Motion, Resection, ThreeView, Triangulation,
@@ -100,8 +99,8 @@ pub use kernels::{
 pub use lm::{Loss, Observer, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{
-    LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Seen, Sighting, Subject, Undetermined,
-    Why,
+    IndexedSighting, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Sighting, Subject,
+    Undetermined, Why,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

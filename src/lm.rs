@@ -12,6 +12,6 @@ mod termination;
 
 pub use loss::Loss;
 pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
-pub use options::{Observer, RefineOptions};
+pub use options::{Observer, RefineOptions, ZERO_PIVOT_EPS};
 pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use termination::Termination;

@@ -1,37 +1,46 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map moved as a whole to where odometry and priors want it.
+//! A map aligned with odometry and priors by a similarity.
 //!
-//! Bearings do not change when a map is moved, turned and scaled, so this costs them nothing, and what only
-//! fixes the frame is fulfilled exactly before anything is refined.
+//! Bearings do not change when a map is moved, turned and scaled as a whole. So odometry and priors come as close
+//! as they can before anything is refined, and those that only fix the frame are then met exactly.
 
 use super::bundle::Bundle;
-use super::linearized::kept_positions;
+use super::elimination::kept_positions;
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::centroid;
-use crate::problem::{Map, Problem, Subject, Tie};
+use crate::problem::{Map, Prior, Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{
     Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
 };
 
-/// Steps of Gauss-Newton in the four numbers of a similarity; it converges in a few.
+/// Most steps of Gauss-Newton in the four numbers of a similarity. It converges in a few; this bounds the time.
 const STEPS: usize = 30;
 
-/// The map after the similarity with the least cost of its ties, near the best of some first ones.
+/// Most times that a step which does not lower the cost is quartered. Eight times are a factor of 65,536:
+/// then the cost is at its minimum, up to rounding.
+const QUARTERINGS: usize = 8;
+
+/// The descent ends when a step lowers the cost by less than this part of it: what is left is small beside what the
+/// refinement that follows will change.
+const TOLERANCE: f64 = 1e-12;
+
+/// The map after the similarity with the least cost of odometry and priors: the lowest minimum that is reached from
+/// the map as it is and from a few first guesses.
 ///
-/// With bearings modulo pi every heading may be turned round as well, each for itself.
-pub fn fitted(problem: &Problem, map: &Map) -> Map {
+/// With bearings modulo pi each heading may be turned by pi as well, independently of the others.
+pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
     let active = map.restrict(problem);
-    if active.ties().is_empty() || map.poses.iter().flatten().next().is_none() {
+    if active.priors().is_empty() || map.poses.iter().flatten().next().is_none() {
         return map.clone();
     }
-    let mut best = settle(&active, Bundle::from_map(map));
+    let mut best = fit_similarity(&active, Bundle::from_map(map));
     for first in first_frames(&active, &Bundle::from_map(map)) {
         let mut bundle = Bundle::from_map(map);
         bundle.transform(&first);
-        let found = settle(&active, bundle);
+        let found = fit_similarity(&active, bundle);
         if found.0 < best.0 {
             best = found;
         }
@@ -41,23 +50,24 @@ pub fn fitted(problem: &Problem, map: &Map) -> Map {
     result
 }
 
-/// The cost of the ties.
+/// Twice the cost of odometry and priors.
 fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
-    let ties = problem.ties().iter();
-    ties.fold(0.0, |sum, tie| {
-        sum + linearize(tie, &bundle.poses, &bundle.landmarks).square()
+    let priors = problem.priors().iter();
+    priors.fold(0.0, |sum, prior| {
+        sum + linearize(prior, &bundle.poses, &bundle.landmarks).square()
     })
 }
 
-/// Turns headings round where ties want it: from prior to prior and along the odometry.
+/// Turns headings that are known modulo pi by pi where that brings them nearer to their prior, or to what odometry
+/// predicts from the view before.
 fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     if problem.is_oriented() {
         return;
     }
-    for tie in problem.ties() {
-        let (view, wanted) = match tie {
-            Tie::Pose { view, pose, root } if root[2][2] > 0.0 => (*view, pose.rotation),
-            Tie::Motion {
+    for prior in problem.priors() {
+        let (view, wanted) = match prior {
+            Prior::Pose { view, pose, root } if root[2][2] > 0.0 => (*view, pose.rotation),
+            Prior::Motion {
                 start, end, delta, ..
             } => (*end, bundle.poses[*start].rotation * delta.rotation),
             _ => continue,
@@ -70,17 +80,18 @@ fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     }
 }
 
-/// First guesses: by the known points, by the known headings, by the lengths of motions.
+/// First guesses of the similarity: from the positions that priors know, and from their headings together with the
+/// lengths of motions.
 fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
     let mut turn = Complex::new(0.0, 0.0);
     let (mut lengths, mut squares) = (0.0, 0.0);
-    for tie in problem.ties() {
-        match tie {
-            Tie::Landmark {
+    for prior in problem.priors() {
+        match prior {
+            Prior::Landmark {
                 landmark, position, ..
             } => pairs.push((bundle.landmarks[*landmark], *position)),
-            Tie::Pose { view, pose, root } => {
+            Prior::Pose { view, pose, root } => {
                 let estimate = &bundle.poses[*view];
                 if root[0][0] > 0.0 && root[1][1] > 0.0 {
                     let place = |v: &Vector2<f64>| Point2::from(*v);
@@ -89,11 +100,11 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
                 }
                 if root[2][2] > 0.0 {
                     let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
-                    // Modulo pi the double is what is known.
+                    // Modulo pi only twice the angle is known.
                     turn += if problem.is_oriented() { by } else { by * by };
                 }
             }
-            Tie::Motion {
+            Prior::Motion {
                 start, end, delta, ..
             } => {
                 let [from, to] = [start, end].map(|view| bundle.poses[*view].translation.vector);
@@ -132,16 +143,17 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     found
 }
 
-/// Gauss-Newton in translation, rotation and scale; the cost and the bundle at its end.
-fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+/// Minimises the cost over translation, rotation and scale by Gauss-Newton; returns twice the cost and the bundle
+/// at the minimum.
+fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
         let middle = centroid(&kept_positions::<3>(&bundle));
         let mut normal = Matrix4::zeros();
         let mut gradient = Vector4::zeros();
-        for tie in problem.ties() {
-            let row = linearize(tie, &bundle.poses, &bundle.landmarks);
+        for prior in problem.priors() {
+            let row = linearize(prior, &bundle.poses, &bundle.landmarks);
             for k in 0..3 {
                 let mut change = Vector4::zeros();
                 for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
@@ -162,7 +174,7 @@ fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
                 gradient += change * row.residual[k];
             }
         }
-        // What no tie holds gets no step.
+        // A direction that odometry and priors leave free gets no step.
         let bound = normal.amax() * f64::EPSILON;
         let Ok(inverse) = normal.pseudo_inverse(bound) else {
             break;
@@ -170,7 +182,7 @@ fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
         let step = -(inverse * gradient);
         let mut part = 1.0;
         let mut lower = None;
-        for _ in 0..HALVINGS {
+        for _ in 0..QUARTERINGS {
             let by = step * part;
             let rotation = UnitComplex::new(by.z);
             let scale = by.w.exp();
@@ -190,12 +202,9 @@ fn settle(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
         let Some((there, moved)) = lower else { break };
         let gained = now - there;
         (now, bundle) = (there, moved);
-        if gained <= now * 1e-12_f64.max(f64::EPSILON) {
+        if gained <= now * TOLERANCE {
             break;
         }
     }
     (now, bundle)
 }
-
-/// Times that a step which does not lower the cost is quartered.
-const HALVINGS: usize = 8;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! All poses and landmarks of a problem as one bundle of parameters, and its residuals linearised.
 
-use super::prior_rows::{TieRow, linearize};
+use super::prior_rows::{PriorRow, linearize};
 use crate::error::Error;
 use crate::geometry::points::{unit, within_horizon};
 use crate::geometry::{Pose, transform_pose};
 use crate::lm::{BearingRow, Loss, Ray, SightingModel, optimize_landmark};
-use crate::problem::{Map, Problem, Seen};
+use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector3};
 
@@ -21,7 +21,7 @@ pub struct Bundle {
 #[derive(Clone, Debug)]
 pub struct Rows {
     pub sightings: Vec<BearingRow>,
-    pub ties: Vec<TieRow>,
+    pub priors: Vec<PriorRow>,
 }
 
 impl Rows {
@@ -29,13 +29,13 @@ impl Rows {
     pub fn of(problem: &Problem) -> Self {
         Self {
             sightings: Vec::with_capacity(problem.sightings().len()),
-            ties: Vec::with_capacity(problem.ties().len()),
+            priors: Vec::with_capacity(problem.priors().len()),
         }
     }
 }
 
 #[inline]
-fn ray(sighting: &Seen) -> Ray {
+fn ray(sighting: &IndexedSighting) -> Ray {
     Ray {
         bearing: sighting.bearing,
         weight: sighting.weight,
@@ -74,7 +74,7 @@ impl Bundle {
         unit(views, self.landmarks.iter().map(|point| point.coords))
     }
 
-    /// Brings landmarks that are too far away to be told from infinity to where they can just be.
+    /// Brings landmarks beyond the horizon, which cannot be told from infinity, back to it.
     pub fn bring_in(&mut self) {
         if let Some(home) = self.poses.first() {
             for point in &mut self.landmarks {
@@ -103,7 +103,7 @@ impl Bundle {
         }
     }
 
-    /// Linearises everything; returns the cost, half the sum of the losses and of the squares of the ties.
+    /// Linearises everything; returns the cost, half the sum of the losses and of the squares of odometry and priors.
     pub fn linearize(&self, problem: &Problem, loss: Loss, rows: &mut Rows) -> f64 {
         let model = sighting_model(problem, loss);
         let mut sum = if model.is_plain() {
@@ -111,11 +111,11 @@ impl Bundle {
         } else {
             self.linearize_sightings::<false>(problem, &model, &mut rows.sightings)
         };
-        rows.ties.clear();
-        for tie in problem.ties() {
-            let row = linearize(tie, &self.poses, &self.landmarks);
+        rows.priors.clear();
+        for prior in problem.priors() {
+            let row = linearize(prior, &self.poses, &self.landmarks);
             sum += row.square();
-            rows.ties.push(row);
+            rows.priors.push(row);
         }
         sum * 0.5
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A bundle on its way to the minimum, whatever solves for its steps.
+//! The bundle as a problem for the one loop of Levenberg-Marquardt, with any of the three solvers for its steps.
 
 use super::bundle::{Bundle, Rows};
 use crate::error::Error;
@@ -88,7 +88,7 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
         })
     }
 
-    /// Takes note that the bundle has been moved by other means.
+    /// Linearises the bundle again, after it has been changed by other means than a step.
     pub fn relinearize(&mut self) {
         let loss = self.options.loss;
         self.cost = self.bundle.linearize(self.problem, loss, &mut self.rows);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Cholesky factorisation of a dense symmetric matrix in place, tuned for some dozens of rows.
+//! Cholesky factorisation of a dense symmetric matrix in place, tuned for a few dozen rows.
 
 #[cfg(not(feature = "std"))]
 use crate::float::Float;

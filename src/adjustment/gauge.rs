@@ -1,29 +1,29 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What nothing known fixes: translation, rotation and scale of the whole, less what odometry and priors
-//! say of them.
+//! The gauge: of translation, rotation and scale of the whole map, what odometry and priors leave free.
 
 use super::bundle::Bundle;
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, spread};
-use crate::problem::{Map, Problem, Subject, Tie};
-use crate::scalar::Real;
+use crate::problem::{Map, Prior, Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
 
-/// Share of the size of a tie's derivatives below which what the gauge does to it is rounding.
+/// A residual of odometry or a prior does not depend on the gauge when its derivative along it is below this
+/// share of the terms that cancel in it: far above rounding, far below any real dependence.
 const UNCHANGED: f64 = 1e-9;
 
-/// The same for the sum of squares over all ties.
+/// Eigenvalues below this share of the largest are zero: rounding of a 4x4 matrix that is a sum of squares. The root
+/// of it, 3e-7, is the weakest dependence on the gauge that counts beside the strongest.
 const ROUNDING: f64 = 1e-13;
 
-/// The directions of all parameters (poses, then landmarks) along which neither bearings nor ties change:
-/// up to four, (T26).
+/// The directions of all parameters (poses, then landmarks) along which neither bearings nor odometry nor priors
+/// change: up to four, (T26).
 ///
-/// They are the combinations of translation, rotation and scaling about the centroid that all ties
-/// leave alone, scaled to entries of about 1.
+/// They are combinations of the two translations, the rotation and the scaling about the centroid, scaled to
+/// entries of about 1.
 pub fn gauge_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
     let views = bundle.poses.len();
     let positions = bundle.poses.iter().map(|pose| pose.translation.vector);
@@ -36,12 +36,11 @@ pub fn gauge_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
     let at = |parameter: usize, position: &Vector2<f64>| -> [f64; 4] {
         let q = (position - middle) / size;
         let turn = 1.0 / size;
-        let row = match parameter {
+        match parameter {
             0 => [1.0, 0.0, -q.y, q.x],
             1 => [0.0, 1.0, q.x, q.y],
             _ => [0.0, 0.0, turn, 0.0],
-        };
-        row.map(f64::as_f64)
+        }
     };
     let combinations = unconstrained(problem, bundle, &at);
     let mut directions =
@@ -65,15 +64,15 @@ pub fn gauge_directions(problem: &Problem, bundle: &Bundle) -> Vec<Vec<f64>> {
     directions
 }
 
-/// The combinations of the four that change no tie.
+/// The combinations of the four directions along which no residual of odometry and priors changes.
 fn unconstrained(
     problem: &Problem,
     bundle: &Bundle,
     at: &impl Fn(usize, &Vector2<f64>) -> [f64; 4],
 ) -> Vec<[f64; 4]> {
     let mut constrained = Matrix4::<f64>::zeros();
-    for tie in problem.ties() {
-        let row = linearize(tie, &bundle.poses, &bundle.landmarks);
+    for prior in problem.priors() {
+        let row = linearize(prior, &bundle.poses, &bundle.landmarks);
         for k in 0..3 {
             // The change of a residual along each of the four, and the size of what cancels in it.
             let (mut change, mut size) = ([0.0; 4], [0.0_f64; 4]);
@@ -109,8 +108,10 @@ fn unconstrained(
         .collect()
 }
 
-/// Parameters that hold the given directions when they are held themselves, one for each: by elimination
-/// with complete pivoting, each entry in units of the parameter's standard deviation.
+/// One parameter for each of the given directions, so that fixing these parameters fixes the directions.
+///
+/// Chosen by elimination with complete pivoting, entries in units of the parameter's conditional standard
+/// deviation; `information` is one over its square.
 pub fn anchors(directions: &[Vec<f64>], information: impl Fn(usize) -> f64) -> Vec<usize> {
     let mut rest: Vec<Vec<f64>> = directions.to_vec();
     let mut chosen = Vec::new();
@@ -142,10 +143,10 @@ pub fn anchors(directions: &[Vec<f64>], information: impl Fn(usize) -> f64) -> V
     chosen
 }
 
-/// A map in the frame in which it is reported: what odometry and priors of the problem do not fix is fixed
+/// A map in the frame in which it is reported: what odometry and priors of the problem leave free is fixed
 /// as in [`Map::normalized`].
 pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
-    let mut framed = if problem.ties().is_empty() {
+    let mut framed = if problem.priors().is_empty() {
         map.normalized()
     } else {
         let fixed = FixedByPriors::of(&map.restrict(problem));
@@ -154,7 +155,7 @@ pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
             None => map.clone(),
         }
     };
-    if !problem.is_oriented() && problem.ties().is_empty() {
+    if !problem.is_oriented() && problem.priors().is_empty() {
         // A heading is known modulo pi; odometry and priors may know more.
         for pose in framed.poses.iter_mut().flatten() {
             if pose.rotation.re < 0.0 {
@@ -165,22 +166,23 @@ pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
     framed
 }
 
-/// How many directions of the whole odometry and priors leave free in a map, and how many numbers they give.
+/// The number of directions of the gauge that odometry and priors leave free in a map, and the number of residuals
+/// that they have.
 pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
-    if problem.ties().is_empty() {
+    if problem.priors().is_empty() {
         return (4, 0);
     }
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
-    let ties = active.ties().iter();
-    let numbers = ties.map(|tie| linearize(tie, &bundle.poses, &bundle.landmarks).count());
+    let priors = active.priors().iter();
+    let numbers = priors.map(|prior| linearize(prior, &bundle.poses, &bundle.landmarks).count());
     (gauge_directions(&active, &bundle).len(), numbers.sum())
 }
 
-/// Which of translation, rotation and scale of the whole odometry and priors fix, told by their kinds.
+/// What of the gauge odometry and priors fix, told by their kind alone.
 #[derive(Clone, Debug)]
 pub struct FixedByPriors {
-    /// Two subjects whose position is known, or as many as there are.
+    /// Subjects whose position is known, at most two: two known positions fix everything.
     points: Vec<Subject>,
     heading: bool,
     scale: bool,
@@ -194,16 +196,16 @@ impl FixedByPriors {
             heading: false,
             scale: false,
         };
-        for tie in problem.ties() {
-            match tie {
-                Tie::Motion { .. } => fixed.scale = true,
-                Tie::Pose { view, root, .. } => {
+        for prior in problem.priors() {
+            match prior {
+                Prior::Motion { .. } => fixed.scale = true,
+                Prior::Pose { view, root, .. } => {
                     if root[0][0] > 0.0 || root[1][1] > 0.0 {
                         fixed.add(Subject::View(*view));
                     }
                     fixed.heading |= root[2][2] > 0.0;
                 }
-                Tie::Landmark { landmark, .. } => fixed.add(Subject::Landmark(*landmark)),
+                Prior::Landmark { landmark, .. } => fixed.add(Subject::Landmark(*landmark)),
             }
         }
         fixed.scale |= fixed.points.len() > 1;
@@ -257,7 +259,7 @@ impl FixedByPriors {
         ))
     }
 
-    /// What that frame fixes, each as a row over all parameters.
+    /// The constraints that define this frame to first order, each as a row over all parameters.
     pub fn constraints(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
         let size = 3 * bundle.poses.len() + 2 * bundle.landmarks.len();
         let unit = |parameter: usize| {
@@ -276,7 +278,7 @@ impl FixedByPriors {
             let mut row = vec![0.0; size];
             let first = bundle.poses[0].translation.vector;
             for (view, pose) in bundle.poses.iter().enumerate() {
-                let offset = (pose.translation.vector - first).map(f64::as_f64);
+                let offset = pose.translation.vector - first;
                 for (k, part) in [offset.x, offset.y].into_iter().enumerate() {
                     row[3 * view + k] += part;
                     row[k] -= part;

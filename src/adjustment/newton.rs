@@ -1,64 +1,43 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Newton's method on the full problem, for descents that Gauss-Newton finds hard.
+//! Newton's method on the full problem, for descents that are slow with Gauss-Newton.
 //!
-//! Where the bearings hardly hold a direction of the map, the curvature that Gauss-Newton leaves out
-//! decides, and it crawls. And the least squares of bearings need not have a minimum at all: the cost
-//! may fall towards an infimum that no map attains, as a landmark slides onto a view and that one
-//! bearing is explained for free, or as a landmark goes to infinity. On these two boundaries of the space of
-//! maps there is a smaller problem with a minimum of its own, (T23): it is tried, and kept
-//! when it is lower and the cost rises from it inwards.
+//! Where the bearings hardly determine a direction of the map, the curvature that Gauss-Newton leaves out decides
+//! the step. A landmark that the descent drives onto a view or towards infinity is put there meanwhile, which
+//! leaves it fewer parameters, or none: see [`Boundaries`].
 
+use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::{BundleAdjustment, StepSolver};
 use super::cholesky;
 use crate::error::Error;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
-use crate::geometry::points::{centroid, horizon, spread};
 use crate::lm::{BearingRow, Termination};
 use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{Point2, UnitComplex, Vector2, Vector3};
+use nalgebra::{UnitComplex, Vector2, Vector3};
 
-/// Most parameters for which the full matrix is formed.
+/// Most parameters for which the full matrix is formed: three square matrices of two megabytes each, and some
+/// ten milliseconds for a factor.
 pub const MAX_FULL: usize = 512;
 
-/// A landmark is tried on a view when it is nearer to it than this part of the distance to any other.
-const TOUCHING: f64 = 0.05;
-
-/// A landmark is tried at infinity when it is this much farther from the middle of the views than they.
-const FAR: f64 = 20.0;
-
-/// A boundary that was not lower is tried again when the landmark is this part nearer to it.
-const CLOSER: f64 = 0.1;
-
-/// Iterations within which a boundary must come out lower.
-const ATTEMPT: usize = 10;
-
-/// Ends an adjustment by Newton's method, on the boundaries of the space of maps where that is lower.
+/// Ends an adjustment by Newton's method, with landmarks on boundaries where that is lower.
 ///
 /// # Errors
 /// As [`BundleAdjustment::run`].
 pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
     let limit = adjustment.options.max_iterations;
-    let mut newton = Newton::new(adjustment.problem);
+    let mut newton = Newton::new(Boundaries::new(adjustment.problem), adjustment.problem);
     loop {
-        let attempt = match newton.boundaries.last() {
-            Some(entered) if adjustment.cost >= entered.cost => {
-                limit.min(adjustment.iterations + ATTEMPT)
-            }
-            _ => limit,
-        };
-        let termination = adjustment.run(&mut newton, attempt)?;
-        if let Some((boundary, distance)) = newton.next.take() {
-            newton.enter(boundary, distance, adjustment);
+        let end = newton.boundaries.limit_of_run(adjustment, limit);
+        let termination = adjustment.run(&mut newton, end)?;
+        if newton.boundaries.enter_candidate(adjustment) {
+            newton.number_parameters();
             continue;
         }
-        if let Some(wrong) = newton.wrong_boundary(adjustment) {
-            newton.leave(wrong, adjustment);
+        if newton.boundaries.leave_wrong(adjustment) {
+            newton.number_parameters();
         } else if termination != Termination::MaxIterations || adjustment.iterations == limit {
-            newton.step_inside(adjustment);
+            newton.boundaries.step_inside(adjustment);
             return Ok(termination);
         }
         if adjustment.iterations == limit {
@@ -67,68 +46,41 @@ pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, 
     }
 }
 
-/// Whether a landmark is so near to a boundary that the minimum may lie there.
-pub fn near_boundary(adjustment: &BundleAdjustment<'_, '_>) -> bool {
-    Newton::new(adjustment.problem).wants_pause(
-        &adjustment.bundle,
-        &adjustment.rows,
-        adjustment.cost,
-    )
-}
-
-/// Where a landmark may leave the plane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Boundary {
-    /// On the view of a sighting, by index.
-    View(usize),
-    /// At infinity.
-    Infinity(usize),
-}
-
-/// A boundary that is tried or kept.
-struct BoundaryTrial {
-    boundary: Boundary,
-    /// How far off the landmark was, and the bundle and its cost then.
-    distance: f64,
-    bundle: Bundle,
-    cost: f64,
-}
-
 /// Where the parameters of a landmark begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Column {
     /// Two coordinates of its own.
     Point(usize),
-    /// Those of the view on which it stands.
+    /// Those of the view that it is on.
     View(usize),
-    /// A direction.
+    /// The angle of its direction, at infinity.
     Direction(usize),
 }
 
 /// The second-order model of the cost in all parameters.
+///
+/// Parameters are numbered views first (x, y, heading), then landmarks. Matrices are lower triangles, row by row.
 struct Newton<'a> {
     problem: &'a Problem,
-    boundaries: Vec<BoundaryTrial>,
-    /// Boundaries that were not lower, and how far off the landmark was.
-    refused: Vec<(Boundary, f64)>,
-    /// The boundary to be tried next.
-    next: Option<(Boundary, f64)>,
+    boundaries: Boundaries<'a>,
+    /// Of each landmark.
     columns: Vec<Column>,
-    /// Lower triangles, row by row: of Gauss-Newton, of Newton, and the factor.
+    /// `J^T J`, with a stiffness along the gauge.
     normal: Vec<f64>,
+    /// The same with the second derivatives of the residuals.
     curved: Vec<f64>,
+    /// The Cholesky factor of one of them, damped.
     factor: Vec<f64>,
     gradient: Vec<f64>,
+    /// The step.
     delta: Vec<f64>,
 }
 
 impl<'a> Newton<'a> {
-    fn new(problem: &'a Problem) -> Self {
+    fn new(boundaries: Boundaries<'a>, problem: &'a Problem) -> Self {
         let mut newton = Self {
             problem,
-            boundaries: Vec::new(),
-            refused: Vec::new(),
-            next: None,
+            boundaries,
             columns: Vec::new(),
             normal: Vec::new(),
             curved: Vec::new(),
@@ -136,20 +88,16 @@ impl<'a> Newton<'a> {
             gradient: Vec::new(),
             delta: Vec::new(),
         };
-        newton.number();
+        newton.number_parameters();
         newton
     }
 
     /// Gives every landmark its parameters.
-    fn number(&mut self) {
+    fn number_parameters(&mut self) {
         let mut count = 3 * self.problem.views();
         self.columns.clear();
         for landmark in 0..self.problem.landmarks() {
-            let trial = self
-                .boundaries
-                .iter()
-                .find(|trial| self.landmark(trial.boundary) == landmark);
-            let (column, width) = match trial.map(|trial| trial.boundary) {
+            let (column, width) = match self.boundaries.of_landmark(landmark) {
                 Some(Boundary::View(k)) => (Column::View(3 * self.problem.sightings()[k].view), 0),
                 Some(Boundary::Infinity(_)) => (Column::Direction(count), 1),
                 None => (Column::Point(count), 2),
@@ -159,105 +107,6 @@ impl<'a> Newton<'a> {
         }
         self.gradient.clear();
         self.gradient.resize(count, 0.0);
-    }
-
-    fn landmark(&self, place: Boundary) -> usize {
-        match place {
-            Boundary::View(k) => self.problem.sightings()[k].landmark,
-            Boundary::Infinity(landmark) => landmark,
-        }
-    }
-
-    /// Puts a landmark on a boundary.
-    fn enter(&mut self, place: Boundary, distance: f64, adjustment: &mut BundleAdjustment<'_, '_>) {
-        let mut bundle = adjustment.bundle.clone();
-        match place {
-            Boundary::View(k) => {
-                let s = &self.problem.sightings()[k];
-                bundle.landmarks[s.landmark] = bundle.poses[s.view].translation.vector.into();
-            }
-            Boundary::Infinity(landmark) => {
-                let (middle, _) = middle(&bundle);
-                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon::<f64>());
-            }
-        }
-        let before = core::mem::replace(&mut adjustment.bundle, bundle);
-        self.boundaries.push(BoundaryTrial {
-            boundary: place,
-            distance,
-            bundle: before,
-            cost: adjustment.cost,
-        });
-        self.number();
-        adjustment.relinearize();
-    }
-
-    /// Goes back to where a boundary was entered, and does not try it again soon.
-    fn leave(&mut self, wrong: usize, adjustment: &mut BundleAdjustment<'_, '_>) {
-        if let Some(trial) = self.boundaries.drain(wrong..).next() {
-            self.refused.retain(|(place, _)| *place != trial.boundary);
-            self.refused.push((trial.boundary, trial.distance));
-            adjustment.bundle = trial.bundle;
-            adjustment.relinearize();
-        }
-        self.number();
-    }
-
-    /// The boundary, if any, that is not lower than the inside, or from which the cost falls inwards.
-    fn wrong_boundary(&self, adjustment: &BundleAdjustment<'_, '_>) -> Option<usize> {
-        if let Some(last) = self.boundaries.last()
-            && adjustment.cost >= last.cost
-        {
-            return Some(self.boundaries.len() - 1);
-        }
-        self.boundaries
-            .iter()
-            .position(|trial| self.falls_inwards(trial.boundary, adjustment))
-    }
-
-    fn falls_inwards(&self, place: Boundary, adjustment: &BundleAdjustment<'_, '_>) -> bool {
-        let bundle = &adjustment.bundle;
-        let landmark = self.landmark(place);
-        let seen = self.problem.of_landmark(landmark).iter();
-        let slope = match place {
-            Boundary::View(k) => {
-                let ray = self.ray(bundle, k);
-                seen.map(|&k| &adjustment.rows.sightings[k])
-                    .fold(0.0, |sum, row| sum + row.gradient.dot(&ray) * row.residual)
-            }
-            Boundary::Infinity(_) => {
-                let (middle, _) = middle(bundle);
-                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
-                seen.fold(0.0, |sum, &k| {
-                    let view = self.problem.sightings()[k].view;
-                    let row = &adjustment.rows.sightings[k];
-                    let offset = middle - bundle.poses[view].translation.vector;
-                    sum + direction.perp(&offset) * row.weight * row.residual
-                })
-            }
-        };
-        slope < 0.0
-    }
-
-    /// Direction of a measured bearing in the map.
-    fn ray(&self, bundle: &Bundle, sighting: usize) -> Vector2<f64> {
-        let s = &self.problem.sightings()[sighting];
-        let ray = bundle.poses[s.view].rotation.into_inner() * s.bearing.into_inner();
-        Vector2::new(ray.re, ray.im)
-    }
-
-    /// Moves each landmark that stands on a view off it by next to nothing, at its measured bearing.
-    fn step_inside(&self, adjustment: &mut BundleAdjustment<'_, '_>) {
-        for trial in &self.boundaries {
-            if let Boundary::View(k) = trial.boundary {
-                let step = self.ray(&adjustment.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
-                adjustment.bundle.landmarks[self.landmark(trial.boundary)] += step;
-            }
-        }
-        if !self.boundaries.is_empty() {
-            adjustment.relinearize();
-        }
     }
 
     /// Forms the matrices and the gradient.
@@ -303,6 +152,19 @@ impl<'a> Newton<'a> {
                 }
             }
         }
+        self.stiffen_gauge(bundle);
+        for i in 0..size {
+            let row = i * size..=i * size + i;
+            for (curved, normal) in self.curved[row.clone()].iter_mut().zip(&self.normal[row]) {
+                *curved += *normal;
+            }
+        }
+    }
+
+    /// Gives the directions of the gauge the stiffness of an average parameter. Nothing pulls along them, so
+    /// this fixes the gauge and, without damping, changes nothing else.
+    fn stiffen_gauge(&mut self, bundle: &Bundle) {
+        let size = self.gradient.len();
         let trace = (0..size).fold(0.0, |sum, k| sum + self.normal[k * size + k]);
         for direction in self.gauge(bundle) {
             let square = direction.iter().fold(0.0, |sum, d| sum + *d * *d);
@@ -313,15 +175,9 @@ impl<'a> Newton<'a> {
                 }
             }
         }
-        for i in 0..size {
-            let row = i * size..=i * size + i;
-            for (curved, normal) in self.curved[row.clone()].iter_mut().zip(&self.normal[row]) {
-                *curved += *normal;
-            }
-        }
     }
 
-    /// Translations, rotation and scaling of all that is free.
+    /// Translations, rotation and scaling of views and landmarks, as directions of the parameters.
     fn gauge(&self, bundle: &Bundle) -> [Vec<f64>; 4] {
         let mut directions = [(); 4].map(|()| vec![0.0; self.gradient.len()]);
         let mut add = |place: usize, position: &Vector2<f64>| {
@@ -351,7 +207,8 @@ impl<'a> Newton<'a> {
         directions
     }
 
-    /// Solves with one of the matrices, damped; the fall of the cost that it predicts.
+    /// Solves for the step with `curved` or the normal matrix, damped; returns the fall of the cost that it predicts,
+    /// or `None` when the matrix is not positive definite.
     fn solve_with(&mut self, damping: f64, curved: bool) -> Option<f64> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
@@ -397,21 +254,6 @@ impl<'a> Newton<'a> {
             .collect();
         bundle.step(&poses, &landmarks, result);
     }
-
-    /// Whether a boundary may be tried from so far off.
-    fn open(&self, place: Boundary, distance: f64) -> bool {
-        self.refused
-            .iter()
-            .find(|(other, _)| *other == place)
-            .is_none_or(|(_, then)| distance < *then * CLOSER)
-    }
-}
-
-/// The middle of the views and their root mean square distance from it.
-fn middle(bundle: &Bundle) -> (Vector2<f64>, f64) {
-    let views: Vec<_> = bundle.poses.iter().map(|p| p.translation.vector).collect();
-    let size = (spread(&views) / (views.len() as f64)).sqrt();
-    (centroid(&views), size)
 }
 
 impl StepSolver for Newton<'_> {
@@ -439,56 +281,17 @@ impl StepSolver for Newton<'_> {
     }
 
     fn wants_pause(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
-        // A line of sight goes on behind its view and beyond infinity: there is no boundary.
-        if !self.problem.is_oriented() {
-            return false;
-        }
-        if self
-            .boundaries
-            .last()
-            .is_some_and(|trial| cost >= trial.cost)
-        {
-            return false;
-        }
-        let (middle, size) = middle(bundle);
-        let rows = &rows.sightings;
-        let range = |k: usize| rows[k].weight / rows[k].gradient.norm();
-        for landmark in (0..self.columns.len()).filter(|&landmark| self.moves_landmark(landmark)) {
-            let seen = self.problem.of_landmark(landmark);
-            let unseen = 1.0 / 0.0;
-            let (mut nearest, mut next) = ((unseen, 0), unseen);
-            for &k in seen {
-                let range = range(k);
-                if range < nearest.0 {
-                    next = nearest.0;
-                    nearest = (range, k);
-                } else {
-                    next = next.min(range);
-                }
-            }
-            let distance = nearest.0 / next;
-            let place = Boundary::View(nearest.1);
-            if distance < TOUCHING && self.open(place, distance) {
-                self.next = Some((place, distance));
-                return true;
-            }
-            let away = (bundle.landmarks[landmark].coords - middle).norm();
-            let distance = size / away;
-            let place = Boundary::Infinity(landmark);
-            if distance < (1.0 / FAR) && self.open(place, distance) {
-                self.next = Some((place, distance));
-                return true;
-            }
-        }
-        false
+        self.boundaries.find_candidate(bundle, rows, cost)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::points::horizon;
     use crate::geometry::pose;
     use crate::lm::Loss;
+    use nalgebra::Point2;
 
     /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
     fn setting(problem: &Problem) -> (Bundle, Newton<'_>) {
@@ -503,16 +306,8 @@ mod tests {
                 Point2::new(0.6 * far, -0.8 * far),
             ],
         };
-        let mut newton = Newton::new(problem);
-        for place in [Boundary::View(4), Boundary::Infinity(2)] {
-            newton.boundaries.push(BoundaryTrial {
-                boundary: place,
-                distance: 0.0,
-                bundle: bundle.clone(),
-                cost: 0.0,
-            });
-        }
-        newton.number();
+        let boundaries = [Boundary::View(4), Boundary::Infinity(2)];
+        let newton = Newton::new(Boundaries::entered(problem, &bundle, &boundaries), problem);
         (bundle, newton)
     }
 

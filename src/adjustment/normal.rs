@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The sparse normal equations of everything: bearings, odometry, priors.
 //!
-//! Parameters are numbered views first (x, y, heading), then landmarks (x, y). What the gauge leaves free
-//! is held by anchors: single parameters that are given more weight. As the right-hand side is at right
-//! angles to what is free, they choose the step along it and change nothing else.
+//! Parameters are numbered views first (x, y, heading), then landmarks (x, y). The gauge is fixed by anchors: as many
+//! single parameters as it has directions, each given more weight. The gradient is at right angles to the gauge, so
+//! anchors choose the step along it and change nothing else; and unlike constraints they keep the matrix sparse.
 
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::StepSolver;
 use super::gauge::{anchors, gauge_directions};
-use super::prior_rows::TieRow;
+use super::prior_rows::PriorRow;
 use super::sparse::SparseCholesky;
 use crate::lm::BearingRow;
-use crate::problem::{Problem, Subject, Tie};
-use crate::scalar::Real;
+use crate::problem::{Prior, Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Vector2, Vector3};
@@ -33,17 +32,20 @@ pub struct Normal<'a> {
     problem: &'a Problem,
     /// Of views, then of landmarks.
     columns: Vec<Column>,
-    /// For each sighting, and each tie of two views, how far down its column its block is.
+    /// Of each sighting: the number of entries in its view's column before the block of its landmark.
     sighting_row: Vec<usize>,
+    /// The same of each motion, for the block of the later view; 0 for a prior.
     tie_row: Vec<usize>,
+    /// The lower triangle of the matrix.
     values: Vec<f64>,
     gradient: Vec<f64>,
+    /// The same damped and with anchors, as it is factorised.
     held: Vec<f64>,
-    /// Parameters that hold the gauge.
+    /// Parameters that fix the gauge.
     anchors: Vec<usize>,
     cholesky: SparseCholesky,
     delta: Vec<f64>,
-    /// Landmarks that a prior holds.
+    /// Whether a landmark has a prior.
     known: Vec<bool>,
 }
 
@@ -51,14 +53,14 @@ impl<'a> Normal<'a> {
     /// The pattern of a problem; `None` when there is not enough memory.
     pub fn new(problem: &'a Problem) -> Option<Self> {
         let (views, landmarks) = (problem.views(), problem.landmarks());
-        // For each view the later views that a motion ties to it.
+        // For each view the later views that a motion connects with it.
         let mut partners = vec![Vec::new(); views];
         let mut known = vec![false; landmarks];
-        for tie in problem.ties() {
-            match *tie {
-                Tie::Motion { start, end, .. } => partners[start.min(end)].push(start.max(end)),
-                Tie::Landmark { landmark, .. } => known[landmark] = true,
-                Tie::Pose { .. } => {}
+        for prior in problem.priors() {
+            match *prior {
+                Prior::Motion { start, end, .. } => partners[start.min(end)].push(start.max(end)),
+                Prior::Landmark { landmark, .. } => known[landmark] = true,
+                Prior::Pose { .. } => {}
             }
         }
         let mut columns = Vec::with_capacity(views + landmarks);
@@ -99,8 +101,8 @@ impl<'a> Normal<'a> {
                 starts.push(rows.len());
             }
         }
-        let tie_row = problem.ties().iter().map(|tie| match *tie {
-            Tie::Motion { start, end, .. } => {
+        let tie_row = problem.priors().iter().map(|prior| match *prior {
+            Prior::Motion { start, end, .. } => {
                 let place = partners[start.min(end)].binary_search(&start.max(end));
                 3 + 3 * place.unwrap_or(0)
             }
@@ -134,7 +136,7 @@ impl<'a> Normal<'a> {
         }
     }
 
-    /// Forms matrix and gradient, and holds the given directions.
+    /// Forms matrix and gradient, and chooses the anchors for directions that are `free`.
     pub fn assemble(&mut self, rows: &Rows, free: &[Vec<f64>]) {
         self.values.fill(0.0);
         self.gradient.fill(0.0);
@@ -147,15 +149,15 @@ impl<'a> Normal<'a> {
         {
             self.add_sighting(k, s.view, s.landmark, row);
         }
-        for (k, row) in rows.ties.iter().enumerate() {
+        for (k, row) in rows.priors.iter().enumerate() {
             self.add_tie(k, row);
         }
         self.anchors = anchors(free, |parameter| self.diagonal(parameter));
     }
 
     fn add_sighting(&mut self, k: usize, view: usize, landmark: usize, row: &BearingRow) {
-        let pose = row.pose().map(f64::as_f64);
-        let point = row.landmark().map(f64::as_f64);
+        let pose = row.pose();
+        let point = row.landmark();
         let residual = row.residual;
         let column = self.columns[view];
         for c in 0..3 {
@@ -177,12 +179,11 @@ impl<'a> Normal<'a> {
         }
     }
 
-    fn add_tie(&mut self, k: usize, row: &TieRow) {
-        let residual = row.residual.map(f64::as_f64);
+    fn add_tie(&mut self, k: usize, row: &PriorRow) {
+        let residual = row.residual;
         let ends = [Some(row.first), row.second];
         for (subject, jacobian) in ends.iter().flatten() {
             let column = self.column(*subject);
-            let jacobian = jacobian.map(|row| row.map(f64::as_f64));
             for c in 0..column.width {
                 for r in c..column.width {
                     let product: f64 = (0..3).map(|i| jacobian[i][c] * jacobian[i][r]).sum();
@@ -223,7 +224,7 @@ impl<'a> Normal<'a> {
         column.start + c * column.height + c
     }
 
-    /// What is known of a parameter when all others are.
+    /// Information about a parameter when all others are known.
     pub fn diagonal(&self, parameter: usize) -> f64 {
         self.values[self.place(parameter)]
     }
@@ -235,7 +236,7 @@ impl<'a> Normal<'a> {
         for parameter in 0..self.size() {
             let place = self.place(parameter);
             let value = self.values[place];
-            // What no residual touches stays where it is.
+            // A parameter on which no residual depends, as with a loss, gets no step.
             self.held[place] = if value > 0.0 {
                 value * (1.0 + damping)
             } else {
@@ -263,7 +264,6 @@ impl StepSolver for Normal<'_> {
         damping: f64,
         result: &mut Bundle,
     ) -> Option<f64> {
-        let damping = damping;
         self.assemble(rows, &gauge_directions(self.problem, bundle));
         if !self.factorize(damping) {
             return None;
@@ -282,11 +282,11 @@ impl StepSolver for Normal<'_> {
         let (poses, landmarks) = delta.split_at(3 * bundle.poses.len());
         let poses: Vec<_> = poses
             .chunks_exact(3)
-            .map(|step| Vector3::new(step[0], step[1], step[2]).map(f64::lit))
+            .map(|step| Vector3::new(step[0], step[1], step[2]))
             .collect();
         let landmarks: Vec<_> = landmarks
             .chunks_exact(2)
-            .map(|step| Vector2::new(step[0], step[1]).map(f64::lit))
+            .map(|step| Vector2::new(step[0], step[1]))
             .collect();
         bundle.step(&poses, &landmarks, result);
         self.delta = delta;

@@ -2,14 +2,14 @@
 //! Odometry and priors linearised.
 
 use crate::geometry::{Pose, signed_angle};
-use crate::problem::{Subject, Tie};
+use crate::problem::{Prior, Subject};
 use nalgebra::{Point2, Vector2};
 
-/// A tie linearised: residuals and derivatives, all times the root of the information.
+/// Odometry or a prior linearised: residuals and derivatives, all times the root of the information.
 ///
 /// For a landmark the third row and column are zero.
 #[derive(Clone, Copy, Debug)]
-pub struct TieRow {
+pub struct PriorRow {
     /// The subjects, and the derivatives of the residuals with respect to their parameters.
     pub first: (Subject, [[f64; 3]; 3]),
     pub second: Option<(Subject, [[f64; 3]; 3])>,
@@ -19,10 +19,9 @@ pub struct TieRow {
 /// Linearises odometry or a prior, (T25).
 ///
 /// Odometry: `e = Z^-1 (P_i^-1 P_j)` as `(x, y, theta)`. Priors: estimate less prior in the map frame.
-pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> TieRow {
-    let (zero, one) = (0.0, 1.0);
-    match tie {
-        Tie::Motion {
+pub fn linearize(prior: &Prior, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> PriorRow {
+    match prior {
+        Prior::Motion {
             start,
             end,
             delta,
@@ -35,9 +34,9 @@ pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> T
             let (c, s) = (back.re, back.im);
             let offset = to.translation.vector - from.translation.vector;
             let swung = Vector2::new(offset.y * c + offset.x * s, offset.y * s - offset.x * c);
-            let before = [[-c, s, swung.x], [-s, -c, swung.y], [zero, zero, -one]];
-            let after = [[c, -s, zero], [s, c, zero], [zero, zero, one]];
-            TieRow {
+            let before = [[-c, s, swung.x], [-s, -c, swung.y], [0.0, 0.0, -1.0]];
+            let after = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
+            PriorRow {
                 first: (Subject::View(*start), product(root, &before)),
                 second: Some((Subject::View(*end), product(root, &after))),
                 residual: whitened(
@@ -50,40 +49,40 @@ pub fn linearize(tie: &Tie, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> T
                 ),
             }
         }
-        Tie::Pose { view, pose, root } => {
+        Prior::Pose { view, pose, root } => {
             let estimate = &poses[*view];
             let offset = estimate.translation.vector - pose.translation.vector;
             let turn = pose.rotation.inverse() * estimate.rotation;
-            TieRow {
+            PriorRow {
                 first: (Subject::View(*view), *root),
                 second: None,
                 residual: whitened(root, [offset.x, offset.y, signed_angle(turn.re, turn.im)]),
             }
         }
-        Tie::Landmark {
+        Prior::Landmark {
             landmark,
             position,
             root,
         } => {
             let offset = landmarks[*landmark] - position;
             let [[a, b], [c, d]] = *root;
-            let wide = [[a, b, zero], [c, d, zero], [zero; 3]];
-            TieRow {
+            let wide = [[a, b, 0.0], [c, d, 0.0], [0.0; 3]];
+            PriorRow {
                 first: (Subject::Landmark(*landmark), wide),
                 second: None,
-                residual: whitened(&wide, [offset.x, offset.y, zero]),
+                residual: whitened(&wide, [offset.x, offset.y, 0.0]),
             }
         }
     }
 }
 
-impl TieRow {
+impl PriorRow {
     /// Sum of squared residuals.
     pub fn square(&self) -> f64 {
         self.residual.iter().fold(0.0, |sum, r| sum + *r * *r)
     }
 
-    /// Residuals that count: those with a derivative.
+    /// The number of residuals that count: those with a derivative that is not zero.
     pub fn count(&self) -> usize {
         let weighs = |row: &&[f64; 3]| row.iter().any(|entry| *entry != 0.0);
         self.first.1.iter().filter(weighs).count()
@@ -96,8 +95,8 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     })
 }
 
-/// The product of a root of information with a residual; what has no weight adds nothing, even if it is
-/// infinite.
+/// The product of a root of information with a residual. What has no weight adds nothing, even where the residual
+/// is infinite.
 fn whitened(root: &[[f64; 3]; 3], residual: [f64; 3]) -> [f64; 3] {
     root.map(|row| {
         row.iter()
@@ -128,27 +127,27 @@ mod tests {
             landmarks: vec![Point2::new(1.0, 2.0)],
         };
         let root = Noise::Covariance(covariance()).root("", 0).unwrap();
-        let ties = [
-            Tie::Motion {
+        let priors = [
+            Prior::Motion {
                 start: 1,
                 end: 0,
                 delta: pose(1.0, 0.4, -0.7),
                 root,
             },
-            Tie::Pose {
+            Prior::Pose {
                 view: 1,
                 pose: pose(1.0, 1.0, -3.0),
                 root,
             },
-            Tie::Landmark {
+            Prior::Landmark {
                 landmark: 0,
                 position: Point2::new(0.0, 0.3),
                 root: Noise::Sigmas([0.1, 0.3]).root("", 0).unwrap(),
             },
         ];
         let step = 1e-6;
-        for tie in ties {
-            let row = linearize(&tie, &bundle.poses, &bundle.landmarks);
+        for prior in priors {
+            let row = linearize(&prior, &bundle.poses, &bundle.landmarks);
             for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
                 for parameter in 0..3 {
                     let sides = [-step, step].map(|size| {
@@ -163,7 +162,7 @@ mod tests {
                         }
                         let mut moved = bundle.clone();
                         bundle.step(&poses, &landmarks, &mut moved);
-                        linearize(&tie, &moved.poses, &moved.landmarks).residual
+                        linearize(&prior, &moved.poses, &moved.landmarks).residual
                     });
                     for k in 0..3 {
                         let difference = (sides[1][k] - sides[0][k]) / (2.0 * step);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
+use super::boundary;
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::{BundleAdjustment, StepSolver};
-use super::linearized::{Linearized, gauge, keeps_landmarks};
+use super::elimination::{GroupedSightings, gauge, keeps_landmarks};
 use super::newton;
 use super::normal::Normal;
 use super::prior_rows::linearize;
@@ -13,6 +14,13 @@ use crate::lm::{Loss, Observer, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
+
+/// Largest dense system, in unknowns that are kept: below it the dense system was measured to be faster.
+const MAX_DENSE: usize = 600;
+
+/// Iterations after which Gauss-Newton counts as slow and Newton's method goes on: from good starts it converges
+/// in fewer.
+const SOON: usize = 8;
 
 /// What a refinement did.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +39,7 @@ pub struct Report {
 
 /// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
 ///
-/// Views and landmarks without a value are left out, as are those that the rest does not fix; they
+/// Views and landmarks without a value are left out, as are those that the rest does not determine; they
 /// are listed in the report. The gauge is free and drifts a little with damped steps; fix it
 /// afterwards with [`Map::normalized`].
 ///
@@ -72,7 +80,7 @@ pub fn refine_map(
     bundle.bring_in();
     // Odometry and priors have units, too.
     let scaled;
-    let active = if active.ties().is_empty() {
+    let active = if active.priors().is_empty() {
         active
     } else {
         scaled = active.scaled(1.0 / unit);
@@ -110,31 +118,28 @@ pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
     Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
 }
 
-/// The part of it that odometry and priors have.
-pub fn cost_of_ties(problem: &Problem, map: &Map) -> f64 {
-    if problem.ties().is_empty() {
+/// The part of the cost that odometry and priors have.
+pub fn cost_of_priors(problem: &Problem, map: &Map) -> f64 {
+    if problem.priors().is_empty() {
         return 0.0;
     }
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
-    let ties = active.ties().iter();
-    ties.fold(0.0, |sum, tie| {
-        sum + linearize(tie, &bundle.poses, &bundle.landmarks).square()
+    let priors = active.priors().iter();
+    priors.fold(0.0, |sum, prior| {
+        sum + linearize(prior, &bundle.poses, &bundle.landmarks).square()
     }) * 0.5
 }
 
-/// Whether the sparse equations of everything serve better than the dense ones of what is left when one
-/// kind of block is eliminated.
+/// Whether a problem is solved by the sparse equations of everything rather than by the dense ones that are left when
+/// one kind of block is eliminated.
 ///
-/// Ties couple poses, which the elimination of poses does not bear. Otherwise a measured trade: the dense
-/// system is faster as long as it is small.
+/// Odometry couples poses, which then cannot be eliminated one by one, and priors fix part of the gauge. Otherwise
+/// size decides.
 pub fn is_sparse(problem: &Problem) -> bool {
     let kept = (2 * problem.landmarks()).min(3 * problem.views());
-    !problem.ties().is_empty() || kept > MAX_DENSE
+    !problem.priors().is_empty() || kept > MAX_DENSE
 }
-
-/// Largest dense system, in unknowns.
-const MAX_DENSE: usize = 600;
 
 /// By the sparse normal equations.
 fn minimize_sparse(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
@@ -148,7 +153,7 @@ fn minimize_reduced<const E: usize, const K: usize>(
     adjustment: &mut BundleAdjustment<'_, '_>,
 ) -> Result<Termination, Error>
 where
-    for<'x> Linearized<'x>: Grouped<E, K>,
+    for<'x> GroupedSightings<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     let problem = adjustment.problem;
@@ -164,15 +169,12 @@ where
     let first = if newton { limit.min(SOON) } else { limit };
     match adjustment.run(&mut reduced, first)? {
         Termination::MaxIterations if first < limit => newton::finish(adjustment),
-        Termination::Converged if newton && newton::near_boundary(adjustment) => {
+        Termination::Converged if newton && boundary::near_boundary(adjustment) => {
             newton::finish(adjustment)
         }
         termination => Ok(termination),
     }
 }
-
-/// Iterations after which Gauss-Newton counts as slow.
-const SOON: usize = 8;
 
 /// The normal equations of Gauss-Newton, reduced.
 struct Reduced<'a, const E: usize, const K: usize> {
@@ -184,7 +186,7 @@ struct Reduced<'a, const E: usize, const K: usize> {
 
 impl<const E: usize, const K: usize> StepSolver for Reduced<'_, E, K>
 where
-    for<'x> Linearized<'x>: Grouped<E, K>,
+    for<'x> GroupedSightings<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
     fn solve(
@@ -194,14 +196,11 @@ where
         damping: f64,
         result: &mut Bundle,
     ) -> Option<f64> {
-        let linearized = Linearized {
+        let grouped = GroupedSightings {
             problem: self.problem,
             rows: &rows.sightings,
         };
-        if !self
-            .schur
-            .factorize(&linearized, damping, &gauge::<K>(bundle))
-        {
+        if !self.schur.factorize(&grouped, damping, &gauge::<K>(bundle)) {
             return None;
         }
         let cost = rows
@@ -210,7 +209,7 @@ where
             .fold(0.0, |sum, row| sum + row.residual * row.residual)
             * 0.5;
         let (kept, gone) = &mut self.step;
-        let left = self.schur.solve(&linearized, kept, gone);
+        let left = self.schur.solve(&grouped, kept, gone);
         self.step.apply(bundle, result);
         Some(cost - left)
     }

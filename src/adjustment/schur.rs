@@ -5,12 +5,18 @@
 //! blocks) can be eliminated one by one, whichever leaves the smaller system. The text is the same:
 //! `E` is the size of the blocks that go, `K` that of the blocks that stay.
 
+use super::block::{Block, dot};
 use super::cholesky;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
-use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, SVector};
+
+/// The coupling is formed by a matrix product when at least one in this many of all pairs of blocks meets in a
+/// sighting, and block by block otherwise. It decides about time only.
+const DENSE_FILL: usize = 8;
+
+/// Groups that one matrix product takes: enough for the product to be fast, few enough for the two factors to stay
+/// in the cache.
+const BATCH: usize = 64;
 
 /// A sighting as the elimination sees it.
 #[derive(Clone, Copy)]
@@ -58,105 +64,6 @@ pub struct Schur<const E: usize, const K: usize> {
     batched: usize,
 }
 
-/// A damped block that goes.
-#[derive(Clone, Copy)]
-struct Block<const E: usize> {
-    /// Its Cholesky factor L, diagonal inverted.
-    factor: [[f64; E]; E],
-    /// `L^-1` times its gradient.
-    residual: [f64; E],
-}
-
-impl<const E: usize> Block<E> {
-    /// The block of a group; `None` when it is not finite.
-    #[inline]
-    fn of_group<const K: usize>(
-        group: impl Iterator<Item = Slot<E, K>>,
-        damping: f64,
-    ) -> Option<Self> {
-        let mut hessian = [[0.0; E]; E];
-        let mut gradient = [0.0; E];
-        for slot in group {
-            for i in 0..E {
-                gradient[i] += slot.gone[i] * slot.residual;
-                for j in 0..=i {
-                    hessian[i][j] += slot.gone[i] * slot.gone[j];
-                }
-            }
-        }
-        let mut block = Self::new(&hessian, damping)?;
-        block.residual = block.forward(gradient);
-        Some(block)
-    }
-
-    /// Factor of `matrix` (lower triangle) with its diagonal grown by `1 + damping`.
-    ///
-    /// A pivot that is rounding belongs to a direction that no sighting holds, such as the range of a
-    /// landmark at infinity: it gets no step and takes nothing from the others. `None` for a matrix
-    /// that is not finite.
-    fn new(matrix: &[[f64; E]; E], damping: f64) -> Option<Self> {
-        let mut factor = *matrix;
-        for i in 0..E {
-            factor[i][i] *= 1.0 + damping;
-            let floor = factor[i][i] * f64::EPSILON * 4.0;
-            for j in 0..i {
-                for k in 0..j {
-                    let product = factor[i][k] * factor[j][k];
-                    factor[i][j] -= product;
-                }
-                factor[i][j] *= factor[j][j];
-            }
-            for k in 0..i {
-                let square = factor[i][k] * factor[i][k];
-                factor[i][i] -= square;
-            }
-            if !factor[i][i].is_finite() {
-                return None;
-            }
-            factor[i][i] = if factor[i][i] > floor {
-                1.0 / factor[i][i].sqrt()
-            } else {
-                0.0
-            };
-        }
-        Some(Self {
-            factor,
-            residual: [0.0; E],
-        })
-    }
-
-    /// `L^-1 x`.
-    #[inline]
-    fn forward(&self, mut x: [f64; E]) -> [f64; E] {
-        for i in 0..E {
-            for j in 0..i {
-                let product = self.factor[i][j] * x[j];
-                x[i] -= product;
-            }
-            x[i] *= self.factor[i][i];
-        }
-        x
-    }
-
-    /// `L^-T x`.
-    #[inline]
-    fn backward(&self, mut x: [f64; E]) -> [f64; E] {
-        for i in (0..E).rev() {
-            x[i] *= self.factor[i][i];
-            for j in 0..i {
-                let product = self.factor[i][j] * x[i];
-                x[j] -= product;
-            }
-        }
-        x
-    }
-}
-
-#[inline]
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + *a * *b)
-}
-
 impl<const E: usize, const K: usize> Schur<E, K> {
     pub fn new() -> Self {
         Self {
@@ -173,15 +80,29 @@ impl<const E: usize, const K: usize> Schur<E, K> {
 
     /// Forms and factorises the reduced system.
     ///
-    /// The rows of `gauge` are directions of the blocks that stay along which nothing changes; each is given the
-    /// stiffness of an average parameter, which fixes it and, without damping, nothing else: the
-    /// right-hand side is then at right angles to it. `false` when the system is not positive definite.
+    /// The rows of `gauge` are directions of the blocks that stay along which no residual changes; each is given the
+    /// stiffness of an average parameter. The right-hand side is at right angles to them, so this fixes the gauge
+    /// and, without damping, changes nothing else. `false` when the system is not positive definite.
     pub fn factorize(
         &mut self,
         grouped: &impl Grouped<E, K>,
         damping: f64,
         gauge: &DMatrix<f64>,
     ) -> bool {
+        if !self.eliminate(grouped, damping) {
+            return false;
+        }
+        let size = self.size();
+        let total = (0..size).fold(0.0, |sum, k| sum + self.information(k));
+        let stiffness = total / (size as f64);
+        self.matrix.gemm(stiffness, &gauge.transpose(), gauge, 1.0);
+        self.add_diagonal(damping);
+        cholesky::factorize(self.matrix.as_mut_slice(), size)
+    }
+
+    /// Eliminates the groups: what the coupling with them takes from the matrix, the reduced gradient, and the
+    /// blocks on the diagonal, which are not yet in the matrix. `false` when a block is not finite.
+    fn eliminate(&mut self, grouped: &impl Grouped<E, K>, damping: f64) -> bool {
         let size = grouped.kept() * K;
         if self.matrix.nrows() != size {
             self.matrix = DMatrix::zeros(size, size);
@@ -205,7 +126,8 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         }
         self.batched = 0;
         for group in 0..grouped.groups() {
-            let Some(block) = Block::of_group(grouped.group(group), damping) else {
+            let rows = grouped.group(group).map(|slot| (slot.gone, slot.residual));
+            let Some(block) = Block::of_rows(rows, damping) else {
                 return false;
             };
             if dense {
@@ -221,9 +143,12 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         if self.batched > 0 {
             self.subtract_batch(&mut factor);
         }
-        let total = (0..size).fold(0.0, |sum, k| sum + self.conditional(k));
-        let stiffness = total / (size as f64);
-        self.matrix.gemm(stiffness, &gauge.transpose(), gauge, 1.0);
+        true
+    }
+
+    /// Adds the blocks on the diagonal, damped, to the matrix.
+    fn add_diagonal(&mut self, damping: f64) {
+        let size = self.size();
         let matrix = self.matrix.as_mut_slice();
         for (k, block) in self.diagonal.iter().enumerate() {
             for i in 0..K {
@@ -232,22 +157,36 @@ impl<const E: usize, const K: usize> Schur<E, K> {
                     let grown = if i == j { damping } else { 0.0 };
                     *cell += block[i][j] + block[i][j] * grown;
                 }
-                // What no residual touches, with a loss, stays where it is.
+                // A parameter on which no residual depends, as with a loss, gets no step.
                 if block[i][i] <= 0.0 {
                     matrix[start + i] += 1.0;
                 }
             }
         }
-        cholesky::factorize(self.matrix.as_mut_slice(), size)
     }
 
-    /// Information on one parameter that stays when all others are known.
-    fn conditional(&self, parameter: usize) -> f64 {
+    /// Number of parameters that stay.
+    pub fn size(&self) -> usize {
+        self.step.len()
+    }
+
+    /// Information about one parameter that stays when all others are known.
+    pub fn information(&self, parameter: usize) -> f64 {
         let k = parameter % K;
         self.diagonal[parameter / K][k][k]
     }
 
-    /// What a sighting tells about its block that stays, apart from the coupling with others.
+    /// The blocks that went, factorised.
+    pub fn blocks(&self) -> &[Block<E>] {
+        &self.blocks
+    }
+
+    /// Solves the reduced system for another right-hand side, in place.
+    pub fn solve_reduced(&self, side: &mut [f64]) {
+        cholesky::solve(self.matrix.as_slice(), side);
+    }
+
+    /// Adds a sighting to the reduced gradient and to the diagonal block of what stays, without the coupling.
     #[inline]
     fn add(&mut self, slot: &Slot<E, K>, block: &Block<E>, whitened: &[f64; E]) {
         let left = slot.residual - dot(whitened, &block.residual);
@@ -364,70 +303,4 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         let step = &self.step[slot.kept * K..slot.kept * K + K];
         (0..K).fold(slot.residual, |sum, i| sum + slot.stay[i] * step[i])
     }
-
-    /// The largest variance of the first two parameters together of a block that went, with those that
-    /// stay held fixed, for residuals of unit variance; infinite when one is free.
-    pub fn loosest_block(&self) -> f64 {
-        let mut worst = 0.0;
-        for block in &self.blocks {
-            let mut variance = 0.0;
-            for i in 0..E.min(2) {
-                let mut unit = [0.0; E];
-                unit[i] = 1.0;
-                let column = block.forward(unit);
-                variance += dot(&column, &column);
-            }
-            // A pivot of zero in the factor is a free direction, not a known one.
-            let free = (0..E).any(|i| block.factor[i][i] <= 0.0);
-            if free || variance > worst {
-                worst = if free { 1.0 / 0.0 } else { variance };
-            }
-        }
-        worst
-    }
-
-    /// The direction of the blocks that stay in which the data hold them least, as a displacement one
-    /// standard deviation long when residuals have unit variance.
-    ///
-    /// (T16): inverse iteration on the reduced matrix with its parameters in units of their conditional
-    /// standard deviations; needs [`Schur::factorize`] without damping.
-    pub fn weakest_direction(&self) -> Vec<f64> {
-        let size = self.step.len();
-        let units: Vec<f64> = (0..size).map(|k| self.conditional(k).sqrt()).collect();
-        let mut vector: Vec<f64> = (0..size)
-            .map(|k| 1.0 + 0.1 * ((7 * k + 3) % 11) as f64)
-            .collect();
-        let mut gain = 1.0;
-        for _ in 0..WEAKEST_STEPS {
-            let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
-            let mut next = vec![0.0; size];
-            for k in 0..size {
-                vector[k] /= norm;
-                next[k] = vector[k] * units[k];
-            }
-            cholesky::solve(self.matrix.as_slice(), &mut next);
-            gain = 0.0;
-            for k in 0..size {
-                next[k] *= units[k];
-                gain += next[k] * vector[k];
-            }
-            vector = next;
-        }
-        let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
-        let length = gain.max(0.0).sqrt() / norm;
-        for (v, unit) in vector.iter_mut().zip(&units) {
-            *v *= length / *unit;
-        }
-        vector
-    }
 }
-
-/// Steps of inverse iteration in [`Schur::weakest_direction`]; the size is wanted to a few percent.
-const WEAKEST_STEPS: usize = 6;
-
-/// The coupling is formed by a matrix product when at least one in this many of all pairs of blocks
-/// meets in a sighting, and block by block otherwise.
-const DENSE_FILL: usize = 8;
-
-/// Groups that one matrix product takes.
-const BATCH: usize = 64;

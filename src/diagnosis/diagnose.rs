@@ -82,7 +82,7 @@ pub fn diagnose_with(
         directions: Vec::new(),
         findings: Vec::new(),
     };
-    if problem.ties().is_empty() {
+    if problem.priors().is_empty() {
         by_bearings(problem, map, options, &mut diagnosis, progress)?;
     } else {
         with_priors(problem, map, options, &mut diagnosis, progress)?;
@@ -192,7 +192,7 @@ fn with_priors(
         views,
         landmarks,
         sightings: map.residuals(problem).flatten().count(),
-        ties: gauge_and_prior_numbers(problem, map),
+        priors: gauge_and_prior_numbers(problem, map),
     }]);
     whole.report_sparse(map, None, false, diagnosis);
     Ok(())

@@ -18,7 +18,7 @@ pub enum Branch {
     Other,
 }
 
-/// Rounds of Sampson weights in a start: the accuracy of maximum likelihood.
+/// Rounds of Sampson weights in a start: two reach the accuracy of maximum likelihood.
 const REWEIGHTS: usize = 2;
 
 impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {

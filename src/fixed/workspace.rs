@@ -3,7 +3,7 @@
 
 use super::cholesky::{Block, factorize, solve};
 use crate::geometry::Pose;
-use crate::lm::{BearingRow, LandmarkNormal};
+use crate::lm::{BearingRow, LandmarkNormal, ZERO_PIVOT_EPS};
 use crate::scalar::Real;
 use nalgebra::{Point2, Vector2};
 
@@ -58,15 +58,15 @@ struct PointFactor<T: Real>([T; 3]);
 impl<T: Real> PointFactor<T> {
     /// Of the damped information of a landmark (xx, xy, yy).
     ///
-    /// A pivot that is rounding belongs to a direction that no sighting holds, such as the range of a
-    /// landmark at infinity: it gets no step and takes nothing from the others. `None` for numbers
-    /// that are not finite.
+    /// A pivot that is rounding belongs to a direction that no sighting determines, such as the range of a
+    /// landmark at infinity. Its entry in the factor is zero, so that the direction gets no step and the others are
+    /// solved for as if it were not there. `None` for numbers that are not finite.
     #[inline]
     fn new([xx, xy, yy]: [T; 3], damping: T) -> Option<Self> {
         let root = |pivot: T, whole: T| {
             if !pivot.is_finite() {
                 None
-            } else if pivot > whole * T::eps() * T::lit(4.0) {
+            } else if pivot > whole * T::eps() * T::lit(ZERO_PIVOT_EPS) {
                 Some(T::one() / pivot.sqrt())
             } else {
                 Some(T::zero())
@@ -114,8 +114,8 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
 
     /// Solves for the step of the poses, of which the first `used` may be determined.
     ///
-    /// Directions along which nothing changes get the stiffness of an average parameter, which fixes them
-    /// and, without damping, nothing else. `false` when the system is not positive definite.
+    /// Directions along which no residual changes get the stiffness of an average parameter. The right-hand side is
+    /// at right angles to them, so this fixes the gauge and, without damping, changes nothing else. `false` when the system is not positive definite.
     pub(super) fn solve(&mut self, poses: &[Option<Pose<T>>; M], used: usize, damping: T) -> bool {
         let zero = T::zero();
         for row in self.matrix.iter_mut().take(used) {
@@ -135,7 +135,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
                 return false;
             };
             for (pivot, information) in [xx, yy, tt].into_iter().zip(conditional) {
-                // What no residual touches stays where it is.
+                // A parameter on which no residual depends, as with a loss, gets no step.
                 *pivot += if *information > zero {
                     *information * damping
                 } else {

@@ -43,15 +43,17 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
             got: source.len(),
         });
     }
-    for (what, points) in [("source", source), ("target", target)] {
-        if let Some(index) = points
-            .iter()
-            .position(|p| !(p.x.is_finite() && p.y.is_finite()))
+    let (from, to) = (centroid(source), centroid(target));
+    let is_finite = |p: &Point2<T>| p.x.is_finite() && p.y.is_finite();
+    for (what, points, mean) in [("source", source, from), ("target", target, to)] {
+        // The mean of finite points may overflow, but one that is not finite makes the mean so, too: the points
+        // need a look only then.
+        if !is_finite(&mean)
+            && let Some(index) = points.iter().position(|p| !is_finite(p))
         {
             return Err(Error::NotFinite { what, index });
         }
     }
-    let (from, to) = (centroid(source), centroid(target));
     let mut cross = Complex::new(T::zero(), T::zero());
     let (mut spread, mut spread_to) = (T::zero(), T::zero());
     for (s, t) in source.iter().zip(target) {
@@ -89,11 +91,16 @@ pub fn transform_pose<T: Real>(similarity: &Similarity2<T>, pose: &Pose<T>) -> P
     )
 }
 
+/// Summed coordinate by coordinate: a vector as the running sum is passed packed in a register, and unpacked
+/// for each point.
 fn centroid<T: Real>(points: &[Point2<T>]) -> Point2<T> {
-    let sum = points
-        .iter()
-        .fold(nalgebra::Vector2::zeros(), |sum, p| sum + p.coords);
-    Point2::from(sum / T::lit(points.len() as f64))
+    let (mut x, mut y) = (T::zero(), T::zero());
+    for point in points {
+        x += point.x;
+        y += point.y;
+    }
+    let count = T::lit(points.len() as f64);
+    Point2::new(x / count, y / count)
 }
 
 #[cfg(test)]

@@ -68,5 +68,9 @@ pub const FORGET_REFUSED: f64 = 0.3;
 /// operations of a residual.
 pub const ZERO_RESIDUAL_EPS: f64 = 8.0;
 
+/// A pivot of a landmark's or a pose's own block is zero below this many units of rounding of its diagonal: the one
+/// or two subtractions that lead to it leave no more. What the pivot belongs to then gets no step.
+pub const ZERO_PIVOT_EPS: f64 = 4.0;
+
 /// Called once per iteration with the number of iterations and the cost; `false` stops the work.
 pub type Observer<'a> = &'a mut dyn FnMut(usize, f64) -> bool;

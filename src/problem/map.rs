@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Poses and landmarks, some of which may be undetermined.
 
-use super::priors::Tie;
-use super::problem::{Problem, Seen};
+use super::priors::Prior;
+use super::problem::{IndexedSighting, Problem};
 use super::subject::{Count, Missing, Subject, Undetermined, Why};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
@@ -135,12 +135,12 @@ impl Map {
     ///
     /// Each needs as many numbers as it has: a bearing is one; odometry and priors count with theirs.
     pub(crate) fn prune(&mut self, problem: &Problem) -> Vec<Undetermined> {
-        let ties = TiesOf::new(problem);
+        let priors = PriorsOf::new(problem);
         loop {
             let mut dropped = false;
             for view in 0..self.poses.len() {
                 if self.poses[view].is_some()
-                    && self.connections_of_view(problem, view) + ties.numbers_of_view(self, view)
+                    && self.connections_of_view(problem, view) + priors.numbers_of_view(self, view)
                         < MIN_LANDMARKS_OF_VIEW
                 {
                     self.poses[view] = None;
@@ -150,7 +150,7 @@ impl Map {
             for landmark in 0..self.landmarks.len() {
                 if self.landmarks[landmark].is_some()
                     && self.connections_of_landmark(problem, landmark)
-                        + ties.numbers_of_landmark(landmark)
+                        + priors.numbers_of_landmark(landmark)
                         < MIN_VIEWS_OF_LANDMARK
                 {
                     self.landmarks[landmark] = None;
@@ -204,7 +204,7 @@ impl Map {
         &'a self,
         problem: &'a Problem,
         landmark: usize,
-    ) -> impl Iterator<Item = (Pose<f64>, &'a Seen)> + Clone {
+    ) -> impl Iterator<Item = (Pose<f64>, &'a IndexedSighting)> + Clone {
         problem.of_landmark(landmark).iter().filter_map(move |&k| {
             let s = &problem.sightings()[k];
             self.poses[s.view].map(|pose| (pose, s))
@@ -216,7 +216,7 @@ impl Map {
         &'a self,
         problem: &'a Problem,
         view: usize,
-    ) -> impl Iterator<Item = (Point2<f64>, &'a Seen)> + Clone {
+    ) -> impl Iterator<Item = (Point2<f64>, &'a IndexedSighting)> + Clone {
         let seen = problem.of_view(view).iter();
         seen.filter_map(move |s| self.landmarks[s.landmark].map(|point| (point, s)))
     }
@@ -245,35 +245,35 @@ impl fmt::Display for Map {
     }
 }
 
-/// The ties of each subject.
-struct TiesOf {
+/// The odometry and priors of each subject.
+struct PriorsOf {
     /// Of each view: how many numbers its priors give, and the views at the other end of its motions.
     views: Vec<(usize, Vec<usize>)>,
     /// Of each landmark: how many numbers its priors give.
     landmarks: Vec<usize>,
 }
 
-impl TiesOf {
+impl PriorsOf {
     fn new(problem: &Problem) -> Self {
         let mut found = Self {
             views: Vec::new(),
             landmarks: Vec::new(),
         };
-        if problem.ties().is_empty() {
+        if problem.priors().is_empty() {
             return found;
         }
         found.views.resize(problem.views(), (0, Vec::new()));
         found.landmarks.resize(problem.landmarks(), 0);
-        for tie in problem.ties() {
-            match tie {
-                Tie::Motion { start, end, .. } => {
+        for prior in problem.priors() {
+            match prior {
+                Prior::Motion { start, end, .. } => {
                     found.views[*start].1.push(*end);
                     found.views[*end].1.push(*start);
                 }
-                Tie::Pose { view, root, .. } => {
+                Prior::Pose { view, root, .. } => {
                     found.views[*view].0 += (0..3).filter(|&k| root[k][k] > 0.0).count();
                 }
-                Tie::Landmark { landmark, .. } => found.landmarks[*landmark] += 2,
+                Prior::Landmark { landmark, .. } => found.landmarks[*landmark] += 2,
             }
         }
         found

@@ -47,7 +47,7 @@ pub struct LandmarkPrior {
 
 /// Something known of one or two subjects, as the problem keeps it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Tie {
+pub(crate) enum Prior {
     Motion {
         start: usize,
         end: usize,
@@ -66,7 +66,7 @@ pub(crate) enum Tie {
     },
 }
 
-impl Tie {
+impl Prior {
     /// The subjects that it holds.
     pub(crate) fn subjects(&self) -> [Option<Subject>; 2] {
         match *self {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Who sees what, at which bearing.
 
-use super::priors::{LandmarkPrior, Odometry, PosePrior, Tie};
+use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::subject::Subject;
 use crate::error::Error;
 use crate::geometry::{Bearing, Pose, signed_angle};
@@ -25,7 +25,7 @@ pub struct Sighting {
 
 /// A sighting as the problem keeps it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct IndexedSighting {
     /// Index of the view.
     pub view: usize,
     /// Index of the landmark.
@@ -41,7 +41,7 @@ pub struct Seen {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     landmarks: usize,
-    sightings: Vec<Seen>,
+    sightings: Vec<IndexedSighting>,
     /// Where each view begins in `sightings`, and the end.
     view_start: Vec<usize>,
     /// Indices into `sightings`, landmark by landmark.
@@ -52,7 +52,7 @@ pub struct Problem {
     /// Whether a bearing is a ray; a line otherwise.
     oriented: bool,
     /// Odometry and priors.
-    ties: Vec<Tie>,
+    priors: Vec<Prior>,
 }
 
 impl Problem {
@@ -109,7 +109,7 @@ impl Problem {
             .iter()
             .map(|&k| {
                 let s = &sightings[k];
-                Seen {
+                IndexedSighting {
                     view: s.view,
                     landmark: s.landmark,
                     bearing: Bearing::new(s.bearing),
@@ -184,7 +184,7 @@ impl Problem {
                     index,
                 });
             }
-            self.ties.push(Tie::Motion {
+            self.priors.push(Prior::Motion {
                 start,
                 end,
                 delta: motion.delta,
@@ -202,7 +202,7 @@ impl Problem {
         for (index, prior) in priors.iter().enumerate() {
             check_index("pose priors: view", index, prior.view, self.views())?;
             check_pose("pose priors: pose", index, &prior.pose)?;
-            self.ties.push(Tie::Pose {
+            self.priors.push(Prior::Pose {
                 view: prior.view,
                 pose: prior.pose,
                 root: prior.noise.root("pose priors: sigma", index)?,
@@ -227,7 +227,7 @@ impl Problem {
                     index,
                 });
             }
-            self.ties.push(Tie::Landmark {
+            self.priors.push(Prior::Landmark {
                 landmark,
                 position,
                 root: prior.noise.root("landmark priors: sigma", index)?,
@@ -237,7 +237,12 @@ impl Problem {
     }
 
     /// Builds the index over sightings that are sorted by view and landmark.
-    fn index(views: usize, landmarks: usize, sightings: Vec<Seen>, input: Vec<usize>) -> Self {
+    fn index(
+        views: usize,
+        landmarks: usize,
+        sightings: Vec<IndexedSighting>,
+        input: Vec<usize>,
+    ) -> Self {
         let mut view_start = vec![0; views + 1];
         let mut landmark_start = vec![0; landmarks + 1];
         for s in &sightings {
@@ -263,7 +268,7 @@ impl Problem {
             landmark_start,
             input,
             oriented: true,
-            ties: Vec::new(),
+            priors: Vec::new(),
         }
     }
 
@@ -283,24 +288,25 @@ impl Problem {
     }
 
     /// The same problem with bearings alone.
-    pub(crate) fn without_ties(mut self) -> Self {
-        self.ties.clear();
+    pub(crate) fn bearings_only(mut self) -> Self {
+        self.priors.clear();
         self
     }
 
     /// The same problem without priors.
-    pub(crate) fn with_motions_only(mut self) -> Self {
-        self.ties.retain(|tie| matches!(tie, Tie::Motion { .. }));
+    pub(crate) fn with_odometry_only(mut self) -> Self {
+        self.priors
+            .retain(|prior| matches!(prior, Prior::Motion { .. }));
         self
     }
 
     /// Odometry and priors.
-    pub(crate) fn ties(&self) -> &[Tie] {
-        &self.ties
+    pub(crate) fn priors(&self) -> &[Prior] {
+        &self.priors
     }
 
     /// All sightings, sorted by view and then landmark.
-    pub fn sightings(&self) -> &[Seen] {
+    pub fn sightings(&self) -> &[IndexedSighting] {
         &self.sightings
     }
 
@@ -313,7 +319,12 @@ impl Problem {
     /// The bearing residual of a sighting \[rad\]: predicted less measured, in (-pi, pi]; of lines in
     /// (-pi/2, pi/2].
     #[inline]
-    pub(crate) fn residual(&self, pose: &Pose<f64>, point: &Point2<f64>, s: &Seen) -> f64 {
+    pub(crate) fn residual(
+        &self,
+        pose: &Pose<f64>,
+        point: &Point2<f64>,
+        s: &IndexedSighting,
+    ) -> f64 {
         let seen = pose.inverse_transform_point(point);
         let turned = s.bearing.inverse_transform_vector(&seen.coords);
         if self.oriented || turned.x >= 0.0 {
@@ -324,7 +335,7 @@ impl Problem {
     }
 
     /// What a view sees.
-    pub fn of_view(&self, view: usize) -> &[Seen] {
+    pub fn of_view(&self, view: usize) -> &[IndexedSighting] {
         &self.sightings[self.range_of_view(view)]
     }
 
@@ -348,11 +359,11 @@ impl Problem {
     /// the input; views and landmarks keep their numbers.
     pub(crate) fn subset(&self, keep: &[bool]) -> Self {
         let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
-        let sightings: Vec<Seen> = kept.map(|(seen, _)| *seen).collect();
+        let sightings: Vec<IndexedSighting> = kept.map(|(seen, _)| *seen).collect();
         let input = (0..sightings.len()).collect();
         Self {
             oriented: self.oriented,
-            ties: self.ties.clone(),
+            priors: self.priors.clone(),
             ..Self::index(self.views(), self.landmarks, sightings, input)
         }
     }
@@ -377,7 +388,7 @@ impl Problem {
         let mut input = Vec::with_capacity(self.sightings.len());
         for (k, s) in self.sightings.iter().enumerate() {
             if keep_view[s.view] && keep_landmark[s.landmark] {
-                sightings.push(Seen {
+                sightings.push(IndexedSighting {
                     view: view_number[s.view],
                     landmark: landmark_number[s.landmark],
                     ..*s
@@ -385,8 +396,9 @@ impl Problem {
                 input.push(k);
             }
         }
-        let kept = |tie: &&Tie| {
-            tie.subjects()
+        let kept = |prior: &&Prior| {
+            prior
+                .subjects()
                 .iter()
                 .flatten()
                 .all(|subject| match *subject {
@@ -394,11 +406,12 @@ impl Problem {
                     Subject::Landmark(landmark) => keep_landmark[landmark],
                 })
         };
-        let ties = self.ties.iter().filter(kept);
-        let ties = ties.map(|tie| tie.moved(|v| view_number[v], |l| landmark_number[l], 1.0));
+        let priors = self.priors.iter().filter(kept);
+        let priors =
+            priors.map(|prior| prior.moved(|v| view_number[v], |l| landmark_number[l], 1.0));
         Self {
             oriented: self.oriented,
-            ties: ties.collect(),
+            priors: priors.collect(),
             ..Self::index(views, landmarks, sightings, input)
         }
     }
@@ -406,8 +419,8 @@ impl Problem {
     /// The same problem in another unit of length; bearings know none.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
-        for tie in &mut scaled.ties {
-            *tie = tie.moved(|view| view, |landmark| landmark, factor);
+        for prior in &mut scaled.priors {
+            *prior = prior.moved(|view| view, |landmark| landmark, factor);
         }
         scaled
     }

@@ -87,7 +87,7 @@ pub fn judged(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruct
 /// Odometry and priors may determine what bearings do not, however weakly. With these nothing is refused here:
 /// `diagnose` and the covariance show such directions.
 pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
-    if !problem.ties().is_empty() {
+    if !problem.priors().is_empty() {
         return Ok(());
     }
     // Beyond this the number is rounding itself.

@@ -134,7 +134,7 @@ pub fn solve(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let mut progress = progress;
-    if !problem.ties().is_empty() {
+    if !problem.priors().is_empty() {
         judged(problem, solve_posterior(problem, options, &mut progress)?)
     } else if options.robust {
         solve_robust(problem, options, &mut progress)

@@ -29,14 +29,17 @@ pub struct Covariance {
     pub free: usize,
 }
 
-/// Columns of the inverse that are solved for at a time: a few are faster than one, and memory stays small.
+/// Most columns of the inverse that are solved for at a time, two per subject at least: several are faster than
+/// one, and memory stays small. It decides about time only.
 const BATCH: usize = 64;
 
-/// Directions beyond the gauge that are looked for; a map with more is all but undetermined.
+/// Most free directions beyond the gauge that are looked for. A map with more is all but undetermined: some of its
+/// variances are then finite that should not be.
 const LOOKED_FOR: usize = 12;
 
-/// Share of a free direction's largest movement below which a subject stands still in it.
-const STANDS: f64 = 1e-6;
+/// Share of the largest entry of a free direction below which a parameter does not move in it: above the error of the
+/// iteration that finds the direction, below any real move.
+const STANDS_STILL: f64 = 1e-6;
 
 /// Covariances of poses and landmarks of a refined map, (T27).
 ///
@@ -243,7 +246,7 @@ impl Transformation {
         for direction in &self.free {
             let largest = direction.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
             for k in 0..width {
-                if direction[parameter + k].abs() > STANDS * largest {
+                if direction[parameter + k].abs() > STANDS_STILL * largest {
                     block.row_mut(k).fill(f64::NAN);
                     block.column_mut(k).fill(f64::NAN);
                     block[(k, k)] = f64::INFINITY;

@@ -31,7 +31,8 @@ impl Frame {
     }
 }
 
-/// Damping that makes a singular matrix one that can be factorised.
+/// Damping, as a share of the diagonal, with which a singular matrix can be factorised: a few hundred units of
+/// rounding, so that a direction that is free has a gain beyond all others.
 pub const LIFT: f64 = 1e-13;
 
 /// The inverse of a small matrix, or its pseudo-inverse if it is singular.

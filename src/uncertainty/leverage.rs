@@ -11,7 +11,7 @@ use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Most numbers that are stored, sightings times parameters: eight megabytes, a few milliseconds.
+/// Most numbers that are stored, sightings times parameters: they take eight megabytes and a few milliseconds.
 const MAX_NUMBERS: usize = 1 << 20;
 
 /// The rows of the Jacobian, whitened by the normal equations of the sightings that made the map.

@@ -3,8 +3,8 @@
 
 use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::elimination::{GroupedSightings, gauge, keeps_landmarks, kept_positions};
 use crate::adjustment::gauge::gauge_directions;
-use crate::adjustment::linearized::{Linearized, gauge, keeps_landmarks, kept_positions};
 use crate::adjustment::normal::Normal;
 use crate::adjustment::refine::is_sparse;
 use crate::adjustment::schur::{Grouped, Schur};
@@ -13,6 +13,7 @@ use crate::float::Float;
 use crate::geometry::points::spread;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject};
+use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Matrix2, Vector2};
 
@@ -40,8 +41,8 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     }
 }
 
-/// A sighting over less than this part of the map's size says that two places are one and little else; beside its huge
-/// weight the others would be rounding, so it is left out.
+/// A sighting over less than this share of the map's size is left out. It says that view and landmark are in one
+/// place and little else, and beside its huge weight the others would be lost in rounding.
 const TOUCHING: f64 = 1e-4;
 
 /// Of the views, by the sparse equations.
@@ -62,13 +63,13 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
             .map(|step| step[0] * step[0] + step[1] * step[1])
             .sum::<f64>()
     };
-    // Weak landmarks may come before the direction that moves the views most.
     let found = weakest(&normal, LOOKED_AT);
     let largest = found.iter().map(square).fold(0.0, f64::max);
     (largest / size).sqrt()
 }
 
-/// Weak directions among which the one that moves the views most is chosen.
+/// Number of weakest directions among which the one that moves the views most is chosen: weak landmarks may come
+/// before it.
 const LOOKED_AT: usize = 8;
 
 /// The problem linearised, without sightings over next to no distance.
@@ -87,20 +88,20 @@ fn without_touching(bundle: &Bundle, problem: &Problem, size: f64, count: usize)
 
 fn weakest_kept<const E: usize, const K: usize>(bundle: &Bundle, problem: &Problem) -> f64
 where
-    for<'x> Linearized<'x>: Grouped<E, K>,
+    for<'x> GroupedSightings<'x>: Grouped<E, K>,
 {
     let points = kept_positions::<K>(bundle);
     let size = spread(&points);
     let rows = without_touching(bundle, problem, size, points.len());
-    let linearized = Linearized {
+    let grouped = GroupedSightings {
         problem,
         rows: &rows.sightings,
     };
     let mut schur = Schur::<E, K>::new();
-    if !schur.factorize(&linearized, 0.0, &gauge::<K>(bundle)) {
+    if !schur.factorize(&grouped, 0.0, &gauge::<K>(bundle)) {
         return f64::INFINITY;
     }
-    let direction = schur.weakest_direction();
+    let direction = weakest_direction(&schur);
     let square = |block: &[f64]| block[0] * block[0] + block[1] * block[1];
     let spread = direction
         .chunks_exact(K)
@@ -109,11 +110,50 @@ where
     // `unbounded_landmarks`.
     let mean = size / (points.len() as f64);
     let loosest = if E == 3 {
-        schur.loosest_block() / mean
+        let variances = schur.blocks().iter().map(|block| block.position_variance());
+        variances.fold(0.0, f64::max) / mean
     } else {
         0.0
     };
     (spread / size).max(loosest).sqrt()
+}
+
+/// Steps of inverse iteration in [`weakest_direction`]: enough to know its length to a few percent.
+const WEAKEST_STEPS: usize = 6;
+
+/// The direction of the blocks that stay in which the data hold them least, as a displacement one
+/// standard deviation long when residuals have unit variance.
+///
+/// (T16): inverse iteration on the reduced matrix with its parameters in units of their conditional
+/// standard deviations; needs [`Schur::factorize`] without damping.
+fn weakest_direction<const E: usize, const K: usize>(schur: &Schur<E, K>) -> Vec<f64> {
+    let size = schur.size();
+    let units: Vec<f64> = (0..size).map(|k| schur.information(k).sqrt()).collect();
+    let mut vector: Vec<f64> = (0..size)
+        .map(|k| 1.0 + 0.1 * ((7 * k + 3) % 11) as f64)
+        .collect();
+    let mut gain = 1.0;
+    for _ in 0..WEAKEST_STEPS {
+        let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
+        let mut next = vec![0.0; size];
+        for k in 0..size {
+            vector[k] /= norm;
+            next[k] = vector[k] * units[k];
+        }
+        schur.solve_reduced(&mut next);
+        gain = 0.0;
+        for k in 0..size {
+            next[k] *= units[k];
+            gain += next[k] * vector[k];
+        }
+        vector = next;
+    }
+    let norm = vector.iter().fold(0.0, |s, v| s + *v * *v).sqrt();
+    let length = gain.max(0.0).sqrt() / norm;
+    for (v, unit) in vector.iter_mut().zip(&units) {
+        *v *= length / *unit;
+    }
+    vector
 }
 
 /// The landmarks of a refined map of which only the direction is known: with the views held fixed, the
@@ -126,9 +166,9 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
     let known = |landmark: usize| {
         let subject = Some(Subject::Landmark(landmark));
         problem
-            .ties()
+            .priors()
             .iter()
-            .any(|tie| tie.subjects()[0] == subject)
+            .any(|prior| prior.subjects()[0] == subject)
     };
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };

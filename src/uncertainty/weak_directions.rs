@@ -3,8 +3,8 @@
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::elimination::kept_positions;
 use crate::adjustment::gauge::gauge_directions;
-use crate::adjustment::linearized::kept_positions;
 use crate::adjustment::normal::Normal;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -55,10 +55,11 @@ pub struct Eigenpair {
     pub gain: f64,
 }
 
-/// Gain beyond which a direction is free: the information left along it is rounding.
+/// Gain beyond which a direction is free: the information left along it is 1e-11 of what its parameters have each by
+/// itself, which is rounding.
 const FREE: f64 = 1e11;
 
-/// Steps of the iteration; they give sizes to a few percent.
+/// Steps of the iteration in [`weakest`]: enough to know the lengths to a few percent.
 const STEPS: usize = 8;
 
 /// The free directions beyond the gauge, at most `count`.
@@ -76,9 +77,9 @@ pub fn free_directions(
     let squares = rows.sightings.iter().map(|row| row.gradient.norm_squared());
     let mean = squares.sum::<f64>() / rows.sightings.len().max(1) as f64;
     let typical = (if mean > 0.0 { mean } else { 1.0 }).sqrt();
-    for tie in &mut balanced.ties {
+    for prior in &mut balanced.priors {
         for k in 0..3 {
-            let both = [Some(tie.first), tie.second].into_iter().flatten();
+            let both = [Some(prior.first), prior.second].into_iter().flatten();
             let square = both.fold(0.0, |sum, (_, jacobian)| {
                 jacobian[k]
                     .iter()
@@ -86,8 +87,8 @@ pub fn free_directions(
             });
             if square > 0.0 {
                 let factor = typical / square.sqrt();
-                tie.first.1[k] = tie.first.1[k].map(|entry| entry * factor);
-                if let Some((_, jacobian)) = &mut tie.second {
+                prior.first.1[k] = prior.first.1[k].map(|entry| entry * factor);
+                if let Some((_, jacobian)) = &mut prior.second {
                     jacobian[k] = jacobian[k].map(|entry| entry * factor);
                 }
             }

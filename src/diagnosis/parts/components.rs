@@ -16,7 +16,7 @@ pub struct Part {
     pub sightings: usize,
     /// How many directions of the gauge odometry and priors leave free, 4 without them; and how many numbers they
     /// give.
-    pub ties: (usize, usize),
+    pub priors: (usize, usize),
 }
 
 impl Part {
@@ -26,7 +26,7 @@ impl Part {
             views: (0..problem.views()).collect(),
             landmarks: (0..problem.landmarks()).collect(),
             sightings: problem.sightings().len(),
-            ties: (4, 0),
+            priors: (4, 0),
         }
     }
 
@@ -34,7 +34,7 @@ impl Part {
     /// negative, at least so many directions are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
-        let (free, numbers) = self.ties;
+        let (free, numbers) = self.priors;
         count(self.sightings + numbers + free)
             - 3 * count(self.views.len())
             - 2 * count(self.landmarks.len())
@@ -112,7 +112,7 @@ impl Core {
             views: Vec::new(),
             landmarks: Vec::new(),
             sightings: 0,
-            ties: (4, 0),
+            priors: (4, 0),
         };
         let mut parts = vec![empty; count];
         for (view, part) in part_of_view.iter().enumerate() {

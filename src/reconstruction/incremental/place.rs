@@ -9,7 +9,7 @@ use super::gates::Fit;
 use crate::float::Float;
 use crate::geometry::Pose;
 use crate::kernels::{Resection, resect, triangulate};
-use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
+use crate::problem::{IndexedSighting, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use nalgebra::{Point2, Translation2, Vector2};
 
 /// A view from the landmarks that have a place: how it was found, its pose and how that fits.
@@ -103,7 +103,7 @@ fn size(map: &Map) -> f64 {
 }
 
 /// The direction of a sighting in the map frame.
-fn ray(pose: &Pose<f64>, s: &Seen) -> Vector2<f64> {
+fn ray(pose: &Pose<f64>, s: &IndexedSighting) -> Vector2<f64> {
     let ray = pose.rotation.into_inner() * s.bearing.into_inner();
     Vector2::new(ray.re, ray.im)
 }

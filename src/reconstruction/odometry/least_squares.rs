@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
 use crate::lm::RefineOptions;
-use crate::problem::{Map, Problem, Tie};
+use crate::problem::{Map, Prior, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -51,8 +51,8 @@ impl<'a> LeastSquaresPlacement<'a> {
     pub fn new(problem: &'a Problem, refine: &RefineOptions, growth: &GrowthOptions) -> Self {
         let stride = StrideOptions::default();
         let mut known = vec![false; problem.landmarks()];
-        for tie in problem.ties() {
-            if let Tie::Landmark { landmark, .. } = tie {
+        for prior in problem.priors() {
+            if let Prior::Landmark { landmark, .. } = prior {
                 known[*landmark] = true;
             }
         }
@@ -86,12 +86,12 @@ impl<'a> LeastSquaresPlacement<'a> {
 impl Placement for LeastSquaresPlacement<'_> {
     fn known(&self) -> Option<Map> {
         let mut known = Map::empty(self.problem.views(), self.problem.landmarks());
-        for tie in self.problem.ties() {
-            match tie {
-                Tie::Landmark {
+        for prior in self.problem.priors() {
+            match prior {
+                Prior::Landmark {
                     landmark, position, ..
                 } => known.landmarks[*landmark] = Some(*position),
-                Tie::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > 0.0) => {
+                Prior::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > 0.0) => {
                     known.poses[*view] = Some(*pose);
                 }
                 _ => {}

@@ -16,7 +16,7 @@ use super::super::strategy;
 use super::growth::{GrowthOptions, grow_along_odometry};
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
-use crate::adjustment::{fitted, refine_map};
+use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
@@ -148,7 +148,7 @@ impl Attempts<'_, '_> {
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
     fn refine_fitted(&mut self, start: &Map) -> Result<(), Error> {
-        let start = fitted(self.problem, start);
+        let start = aligned_to_priors(self.problem, start);
         self.refine(&start)
     }
 
@@ -181,7 +181,7 @@ impl Attempts<'_, '_> {
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where these weigh
     /// next to nothing, that may lead lower.
     fn refine_from_bearings(&mut self) -> Result<(), Error> {
-        let alone = self.problem.clone().without_ties();
+        let alone = self.problem.clone().bearings_only();
         let best = if self.options.robust {
             solve_robust(&alone, self.options, self.progress)
         } else {

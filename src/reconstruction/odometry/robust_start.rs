@@ -59,7 +59,7 @@ pub fn along_odometry(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     check_sigmas(problem)?;
-    let problem = &problem.clone().with_motions_only();
+    let problem = &problem.clone().with_odometry_only();
     let growth = GrowthOptions::default();
     let mut placement = RobustPlacement {
         problem,

@@ -9,11 +9,11 @@ use super::super::attempt::attempt;
 use super::super::judge::same;
 use super::super::result::Reconstruction;
 use super::options::RobustOptions;
-use crate::adjustment::{Report, cost_of_ties};
+use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::lm::{Loss, RefineOptions};
-use crate::problem::{Map, Problem, Seen};
+use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
@@ -37,7 +37,12 @@ pub struct Consensus {
 /// The square of residual over sigma of one sighting: the one measure of how well a bearing agrees with a pose and
 /// a landmark.
 #[inline]
-pub fn square(problem: &Problem, seen: &Seen, pose: &Pose<f64>, point: &Point2<f64>) -> f64 {
+pub fn square(
+    problem: &Problem,
+    seen: &IndexedSighting,
+    pose: &Pose<f64>,
+    point: &Point2<f64>,
+) -> f64 {
     let residual = problem.residual(pose, point, seen) * seen.weight;
     residual * residual
 }
@@ -60,7 +65,7 @@ pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
     let bearings = squares(problem, map).fold(0.0, |sum, square| {
         sum + square.map_or(most, |square| square.min(most))
     });
-    bearings * 0.5 + cost_of_ties(problem, map)
+    bearings * 0.5 + cost_of_priors(problem, map)
 }
 
 /// The sightings that a map explains to within `bound` standard deviations.

@@ -82,9 +82,9 @@ fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Ve
             if l == k || best.inliers[l] {
                 continue;
             }
-            let tie = influence.between(k, l) * sign(k) / spread;
-            let residual_then = other - tie * residual;
-            let leverage_then = other_leverage - tie * influence.between(k, l);
+            let prior = influence.between(k, l) * sign(k) / spread;
+            let residual_then = other - prior * residual;
+            let leverage_then = other_leverage - prior * influence.between(k, l);
             let both = alone + change(1.0, residual_then, leverage_then);
             if both < worth && both < alone {
                 found.push((both, vec![k, l]));

@@ -4,7 +4,7 @@
 use super::consensus::{OUTLIER, square};
 use crate::geometry::{Pose, pose};
 use crate::lm::Loss;
-use crate::problem::{Map, Problem, Tie};
+use crate::problem::{Map, Prior, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
@@ -25,13 +25,13 @@ pub struct Motions {
 impl Motions {
     pub fn new(problem: &Problem) -> Self {
         let mut of: Vec<Vec<Motion>> = (0..problem.views()).map(|_| Vec::new()).collect();
-        for tie in problem.ties() {
-            let Tie::Motion {
+        for prior in problem.priors() {
+            let Prior::Motion {
                 start,
                 end,
                 delta,
                 root,
-            } = tie
+            } = prior
             else {
                 continue;
             };

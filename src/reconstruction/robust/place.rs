@@ -8,7 +8,7 @@ use super::consensus::square;
 use super::options::RobustOptions;
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
-use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem, Seen};
+use crate::problem::{IndexedSighting, MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2};
 use rand::RngExt;
@@ -87,7 +87,7 @@ pub fn place_view(
     options: &RobustOptions,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Pose<f64>>> {
-    let seen: Vec<(Point2<f64>, &Seen)> = map.seen(problem, view).collect();
+    let seen: Vec<(Point2<f64>, &IndexedSighting)> = map.seen(problem, view).collect();
     if seen.len() < MIN_LANDMARKS_OF_VIEW {
         return Vec::new();
     }
@@ -130,7 +130,7 @@ pub fn place_landmark(
     options: &RobustOptions,
     random: &mut ChaCha8Rng,
 ) -> Vec<Placed<Point2<f64>>> {
-    let rays: Vec<(Pose<f64>, &Seen)> = map.rays(problem, landmark).collect();
+    let rays: Vec<(Pose<f64>, &IndexedSighting)> = map.rays(problem, landmark).collect();
     if rays.len() < MIN_VIEWS_OF_LANDMARK {
         return Vec::new();
     }
@@ -164,7 +164,7 @@ pub fn place_landmark(
 }
 
 /// Where two lines of sight cross; `None` when they are parallel.
-fn crossing(rays: [&(Pose<f64>, &Seen); 2]) -> Option<Point2<f64>> {
+fn crossing(rays: [&(Pose<f64>, &IndexedSighting); 2]) -> Option<Point2<f64>> {
     let cross = |a: Complex<f64>, b: Complex<f64>| a.re * b.im - a.im * b.re;
     let [u, v] = rays.map(|(pose, s)| pose.rotation.into_inner() * s.bearing.into_inner());
     let [from, to] = rays.map(|(pose, _)| pose.translation.vector);

@@ -82,7 +82,7 @@ pub fn reassign(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
     // With odometry each try moves hundreds of views: only those that promise something are refined to the end.
-    let tied = !problem.ties().is_empty();
+    let tied = !problem.priors().is_empty();
     for _ in 0..options.reassign_rounds {
         let mut lower = None;
         let limit = best.cost + (options.worse_outliers * OUTLIER * OUTLIER / 2.0);
@@ -132,7 +132,7 @@ fn moves(
     let mut found: Vec<(f64, f64, Move)> = Vec::new();
     let motions = Motions::new(problem);
     // With odometry, where each try moves hundreds of views, one sighting more or less is not worth it.
-    let least = if problem.ties().is_empty() {
+    let least = if problem.priors().is_empty() {
         1
     } else {
         options.changes_with_odometry

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The linearised problem, grouped by either end of its sightings, and its gauge.
+//! Which kind of block is eliminated, poses or landmarks: the sightings grouped by it, and the gauge of the kind
+//! that stays.
 
 use super::bundle::Bundle;
 use super::schur::{Grouped, Slot};
@@ -11,19 +12,19 @@ use crate::problem::Problem;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector2};
 
-/// Whether eliminating the poses leaves the smaller system.
+/// Whether poses are eliminated and landmarks kept: where that leaves the smaller system.
 pub fn keeps_landmarks(problem: &Problem) -> bool {
     2 * problem.landmarks() <= 3 * problem.views()
 }
 
-/// All sightings linearised, to be grouped by either end.
-pub struct Linearized<'a> {
+/// All sightings linearised, grouped by view or by landmark.
+pub struct GroupedSightings<'a> {
     pub problem: &'a Problem,
     pub rows: &'a [BearingRow],
 }
 
 /// Grouped by view: poses go, landmarks stay.
-impl Grouped<3, 2> for Linearized<'_> {
+impl Grouped<3, 2> for GroupedSightings<'_> {
     fn groups(&self) -> usize {
         self.problem.views()
     }
@@ -52,7 +53,7 @@ impl Grouped<3, 2> for Linearized<'_> {
 }
 
 /// Grouped by landmark: landmarks go, poses stay.
-impl Grouped<2, 3> for Linearized<'_> {
+impl Grouped<2, 3> for GroupedSightings<'_> {
     fn groups(&self) -> usize {
         self.problem.landmarks()
     }

@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Landmarks on the boundary of the space of maps: on a view, or at infinity.
+//!
+//! The least squares of bearings need not have a minimum. The cost may fall towards an infimum that no map
+//! attains: as a landmark slides onto a view, so that this one bearing is explained for free, or as it goes to
+//! infinity. On either boundary there is a smaller problem with a minimum of its own. A landmark that comes
+//! near one is put there; it stays while the cost is lower than before and rises from the boundary inwards,
+//! (T23), and otherwise the descent returns to where it left.
+
+use super::bundle::{Bundle, Rows};
+use super::bundle_adjustment::BundleAdjustment;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::points::{centroid, horizon, spread};
+use crate::problem::Problem;
+use alloc::vec::Vec;
+use nalgebra::{Point2, Vector2};
+
+// The first three constants decide only when a boundary is tried, which costs time; whether the landmark stays
+// there is decided by comparing costs.
+
+/// Range of a landmark from its nearest view, as a share of that from the next one, below which it is tried
+/// on that view.
+const TOUCHING: f64 = 0.05;
+
+/// Distance of a landmark from the middle of the views, in root mean square distances of the views from it,
+/// beyond which it is tried at infinity.
+const FAR: f64 = 20.0;
+
+/// Share of its distance at the last attempt below which a landmark is tried again on a boundary that was not
+/// lower: each attempt is ten times nearer than the one before, so there are only a few.
+const CLOSER: f64 = 0.1;
+
+/// Iterations that a boundary is given to come out lower than the inside: a bound on what an attempt in vain
+/// costs.
+const ATTEMPT: usize = 10;
+
+/// A part of the boundary of the space of maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Boundary {
+    /// The landmark of a sighting is on its view; the sighting by index.
+    View(usize),
+    /// The landmark is at infinity.
+    Infinity(usize),
+}
+
+impl Boundary {
+    /// The landmark that is there.
+    fn landmark(self, problem: &Problem) -> usize {
+        match self {
+            Self::View(sighting) => problem.sightings()[sighting].landmark,
+            Self::Infinity(landmark) => landmark,
+        }
+    }
+}
+
+/// A boundary that is tried or kept, and where the descent has left for it.
+struct BoundaryTrial {
+    boundary: Boundary,
+    /// Distance of the landmark from the boundary, as a share: see [`TOUCHING`], and one over [`FAR`].
+    distance: f64,
+    /// The bundle before, and its cost.
+    bundle: Bundle,
+    cost: f64,
+}
+
+/// The boundaries that the landmarks of a problem are on.
+pub struct Boundaries<'a> {
+    problem: &'a Problem,
+    /// In the order in which they were entered.
+    entered: Vec<BoundaryTrial>,
+    /// Those that were not lower, and the distance at the last attempt.
+    refused: Vec<(Boundary, f64)>,
+    /// The one to be tried next, and the distance from it.
+    candidate: Option<(Boundary, f64)>,
+}
+
+impl<'a> Boundaries<'a> {
+    pub fn new(problem: &'a Problem) -> Self {
+        Self {
+            problem,
+            entered: Vec::new(),
+            refused: Vec::new(),
+            candidate: None,
+        }
+    }
+
+    /// The boundary that a landmark is on.
+    pub fn of_landmark(&self, landmark: usize) -> Option<Boundary> {
+        let mut boundaries = self.entered.iter().map(|trial| trial.boundary);
+        boundaries.find(|boundary| boundary.landmark(self.problem) == landmark)
+    }
+
+    /// The number of iterations at which the next run is to end, of `limit` in all.
+    pub fn limit_of_run(&self, adjustment: &BundleAdjustment<'_, '_>, limit: usize) -> usize {
+        if self.is_undecided(adjustment.cost) {
+            limit.min(adjustment.iterations + ATTEMPT)
+        } else {
+            limit
+        }
+    }
+
+    /// Whether the last boundary has yet to come out lower than the inside.
+    fn is_undecided(&self, cost: f64) -> bool {
+        self.entered.last().is_some_and(|last| cost >= last.cost)
+    }
+
+    /// Looks for a landmark that is near a boundary, which [`Boundaries::enter_candidate`] then enters; whether
+    /// there is one.
+    pub fn find_candidate(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
+        // A line of sight goes on behind its view and beyond infinity: there is no boundary.
+        if !self.problem.is_oriented() || self.is_undecided(cost) {
+            return false;
+        }
+        let (middle, size) = middle(bundle);
+        for landmark in 0..bundle.landmarks.len() {
+            if self.of_landmark(landmark).is_some() {
+                continue;
+            }
+            let (sighting, distance) = self.nearest_view(landmark, rows);
+            let away = (bundle.landmarks[landmark].coords - middle).norm();
+            let candidates = [
+                (Boundary::View(sighting), distance, TOUCHING),
+                (Boundary::Infinity(landmark), size / away, 1.0 / FAR),
+            ];
+            for (boundary, distance, bound) in candidates {
+                if distance < bound && self.may_try(boundary, distance) {
+                    self.candidate = Some((boundary, distance));
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// The sighting of a landmark from its nearest view, and its range as a share of that from the next one.
+    fn nearest_view(&self, landmark: usize, rows: &Rows) -> (usize, f64) {
+        let rows = &rows.sightings;
+        let (mut nearest, mut next) = ((f64::INFINITY, 0), f64::INFINITY);
+        for &k in self.problem.of_landmark(landmark) {
+            let range = rows[k].weight / rows[k].gradient.norm();
+            if range < nearest.0 {
+                next = nearest.0;
+                nearest = (range, k);
+            } else {
+                next = next.min(range);
+            }
+        }
+        (nearest.1, nearest.0 / next)
+    }
+
+    /// Whether a boundary that may have been refused is worth an attempt from this distance.
+    fn may_try(&self, boundary: Boundary, distance: f64) -> bool {
+        self.refused
+            .iter()
+            .find(|(other, _)| *other == boundary)
+            .is_none_or(|(_, then)| distance < *then * CLOSER)
+    }
+
+    /// Puts the landmark of the candidate onto its boundary; `false` when there is none.
+    pub fn enter_candidate(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
+        let Some((boundary, distance)) = self.candidate.take() else {
+            return false;
+        };
+        let mut bundle = adjustment.bundle.clone();
+        match boundary {
+            Boundary::View(k) => {
+                let s = &self.problem.sightings()[k];
+                bundle.landmarks[s.landmark] = bundle.poses[s.view].translation.vector.into();
+            }
+            Boundary::Infinity(landmark) => {
+                let (middle, _) = middle(&bundle);
+                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
+                bundle.landmarks[landmark] = Point2::from(middle + direction * horizon::<f64>());
+            }
+        }
+        let before = core::mem::replace(&mut adjustment.bundle, bundle);
+        self.entered.push(BoundaryTrial {
+            boundary,
+            distance,
+            bundle: before,
+            cost: adjustment.cost,
+        });
+        adjustment.relinearize();
+        true
+    }
+
+    /// Leaves the first boundary that is not lower than the inside, or from which the cost falls inwards, for
+    /// where it was entered, with all that were entered after it; `false` when there is none.
+    pub fn leave_wrong(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
+        let wrong = if self.is_undecided(adjustment.cost) {
+            Some(self.entered.len() - 1)
+        } else {
+            let mut boundaries = self.entered.iter().map(|trial| trial.boundary);
+            boundaries.position(|boundary| self.falls_inwards(boundary, adjustment))
+        };
+        let Some(trial) = wrong.and_then(|wrong| self.entered.drain(wrong..).next()) else {
+            return false;
+        };
+        self.refused
+            .retain(|(boundary, _)| *boundary != trial.boundary);
+        self.refused.push((trial.boundary, trial.distance));
+        adjustment.bundle = trial.bundle;
+        adjustment.relinearize();
+        true
+    }
+
+    /// Whether the cost falls as the landmark leaves its boundary, against (T23).
+    fn falls_inwards(&self, boundary: Boundary, adjustment: &BundleAdjustment<'_, '_>) -> bool {
+        let bundle = &adjustment.bundle;
+        let landmark = boundary.landmark(self.problem);
+        let seen = self.problem.of_landmark(landmark).iter();
+        let slope = match boundary {
+            Boundary::View(k) => {
+                let ray = self.ray(bundle, k);
+                seen.map(|&k| &adjustment.rows.sightings[k])
+                    .fold(0.0, |sum, row| sum + row.gradient.dot(&ray) * row.residual)
+            }
+            Boundary::Infinity(_) => {
+                let (middle, _) = middle(bundle);
+                let direction = (bundle.landmarks[landmark].coords - middle).normalize();
+                seen.fold(0.0, |sum, &k| {
+                    let view = self.problem.sightings()[k].view;
+                    let row = &adjustment.rows.sightings[k];
+                    let offset = middle - bundle.poses[view].translation.vector;
+                    sum + direction.perp(&offset) * row.weight * row.residual
+                })
+            }
+        };
+        slope < 0.0
+    }
+
+    /// Direction of a measured bearing in the map.
+    fn ray(&self, bundle: &Bundle, sighting: usize) -> Vector2<f64> {
+        let s = &self.problem.sightings()[sighting];
+        let ray = bundle.poses[s.view].rotation.into_inner() * s.bearing.into_inner();
+        Vector2::new(ray.re, ray.im)
+    }
+
+    /// Moves each landmark that is on a view off it along its measured bearing, by so little that the cost stays:
+    /// on the view it would have no bearing.
+    pub fn step_inside(&self, adjustment: &mut BundleAdjustment<'_, '_>) {
+        for trial in &self.entered {
+            if let Boundary::View(k) = trial.boundary {
+                let step = self.ray(&adjustment.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
+                adjustment.bundle.landmarks[trial.boundary.landmark(self.problem)] += step;
+            }
+        }
+        if !self.entered.is_empty() {
+            adjustment.relinearize();
+        }
+    }
+}
+
+/// Whether a landmark is so near to a boundary that the minimum may lie there.
+pub fn near_boundary(adjustment: &BundleAdjustment<'_, '_>) -> bool {
+    Boundaries::new(adjustment.problem).find_candidate(
+        &adjustment.bundle,
+        &adjustment.rows,
+        adjustment.cost,
+    )
+}
+
+/// The middle of the views and their root mean square distance from it.
+fn middle(bundle: &Bundle) -> (Vector2<f64>, f64) {
+    let views: Vec<_> = bundle.poses.iter().map(|p| p.translation.vector).collect();
+    let size = (spread(&views) / (views.len() as f64)).sqrt();
+    (centroid(&views), size)
+}
+
+#[cfg(test)]
+impl<'a> Boundaries<'a> {
+    /// With landmarks that are on these boundaries of a bundle.
+    pub fn entered(problem: &'a Problem, bundle: &Bundle, boundaries: &[Boundary]) -> Self {
+        let trials = boundaries.iter().map(|&boundary| BoundaryTrial {
+            boundary,
+            distance: 0.0,
+            bundle: bundle.clone(),
+            cost: 0.0,
+        });
+        Self {
+            entered: trials.collect(),
+            ..Self::new(problem)
+        }
+    }
+}
