@@ -169,7 +169,7 @@ mod tests {
                         let found = jacobian[k][parameter];
                         assert!(
                             (difference - found).abs() < 1e-7,
-                            "{tie:?} {difference} {found}"
+                            "{prior:?} {difference} {found}"
                         );
                     }
                 }

@@ -205,8 +205,7 @@ pub unsafe extern "C" fn bearslam_refine(
     let call = unsafe { Memory::promised() };
     status(refinement(
         call,
-        bearings,
-        sigma,
+        (bearings, sigma),
         [view_count, landmark_count],
         (poses, landmarks),
         RefineOptions {
@@ -242,8 +241,7 @@ pub unsafe extern "C" fn bearslam_refine_f32(
     let call = unsafe { Memory::promised() };
     status(refinement(
         call,
-        bearings,
-        sigma,
+        (bearings, sigma),
         [view_count, landmark_count],
         (poses, landmarks),
         RefineOptions {

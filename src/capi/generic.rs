@@ -153,8 +153,7 @@ fn are_few(views: usize, landmarks: usize) -> bool {
 
 pub(super) fn refinement<T: Real>(
     memory: Memory<'_>,
-    bearings: *const T,
-    sigma: T,
+    (bearings, sigma): (*const T, T),
     [views, points]: [usize; 2],
     (poses, landmarks): (*mut T, *mut T),
     options: RefineOptions<T>,

@@ -26,11 +26,7 @@ impl<const N: usize> Noise<N> {
     /// or whose inverse square is not a number; [`Error::NotFinite`] for a covariance that is not;
     /// [`Error::NotSymmetric`].
     pub(crate) fn root(&self, what: &'static str, index: usize) -> Result<[[f64; N]; N], Error> {
-        let refuse = |value: f64| Error::NotPositive {
-            what,
-            index,
-            value: value,
-        };
+        let refuse = |value: f64| Error::NotPositive { what, index, value };
         // Its square must be a number as well, or the cost is none.
         let usable = |weight: f64| {
             let square = weight * weight;

@@ -133,7 +133,7 @@ impl fmt::Display for Short {
         let Self(value) = *self;
         match value.abs() {
             0.0 => write!(f, "0"),
-            size if size < 1e-3 || size >= 1e6 => write!(f, "{value:.2e}"),
+            size if !(1e-3..1e6).contains(&size) => write!(f, "{value:.2e}"),
             size => {
                 let below = [100.0, 10.0, 1.0, 0.1, 0.01].iter();
                 let digits = below.filter(|bound| size < **bound).count();

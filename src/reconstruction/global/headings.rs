@@ -62,7 +62,7 @@ pub fn average(
             }
         }
         let mut sizes: Vec<f64> = pairs.iter().map(|&(_, _, e, q)| e.abs() * q).collect();
-        sizes.sort_by(|a, b| a.total_cmp(&b));
+        sizes.sort_by(|a, b| a.total_cmp(b));
         let Some(&median) = sizes.get(sizes.len() / 2) else {
             break;
         };

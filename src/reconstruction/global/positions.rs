@@ -204,7 +204,7 @@ fn reweight(bundles: &mut [Bundle], positions: &DVector<f64>) {
         .iter()
         .flat_map(|bundle| bundle.rays.iter().map(move |ray| range(bundle, ray)))
         .collect();
-    ranges.sort_by(|a, b| a.total_cmp(&b));
+    ranges.sort_by(|a, b| a.total_cmp(b));
     let Some(&median) = ranges.get(ranges.len() / 2) else {
         return;
     };

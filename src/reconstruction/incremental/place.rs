@@ -49,7 +49,7 @@ pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(
     }
     let range = |pose: &Pose<f64>| (point.coords - pose.translation.vector).norm();
     let (pose, s) = rays.min_by(|(a, _), (b, _)| {
-        let [a, b] = [a, b].map(|pose| range(pose));
+        let [a, b] = [a, b].map(range);
         a.total_cmp(&b)
     })?;
     let beside = Point2::from(pose.translation.vector + ray(&pose, s) * range(&pose));
