@@ -27,8 +27,6 @@ macro_rules! functions {
 functions! {
     sqrt() -> Self = ComplexField;
     exp() -> Self = ComplexField;
-    log2() -> Self = ComplexField;
-    powf(exponent: Self) -> Self = ComplexField;
     sin() -> Self = ComplexField;
     cos() -> Self = ComplexField;
     sin_cos() -> (Self, Self) = ComplexField;

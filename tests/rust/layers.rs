@@ -138,8 +138,7 @@ fn absolute(
 fn paths(code: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
     let (mut used, mut reexported) = (Vec::new(), Vec::new());
     let mut rest = String::new();
-    let mut statements = code.split(';').peekable();
-    while let Some(statement) = statements.next() {
+    for statement in code.split(';') {
         let line = statement.rfind("use ").filter(|&at| {
             let before = statement[..at].rsplit(['\n', '}']).next().unwrap().trim();
             before.is_empty()
