@@ -10,7 +10,7 @@ use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 /// A map of up to `M` views and `N` landmarks, and the bearings it is made from.
 ///
 /// In `f32` a map of 8 views and 12 landmarks takes 1840 bytes, one of 16 views and 24 landmarks
-/// 6752, and the [`Workspace`] beside it 4672 and 17024; in `f64` twice that.
+/// 6752, and the [`Workspace`](super::Workspace) beside it 4672 and 17024; in `f64` twice that.
 ///
 /// # Example
 /// A map from the scans of three views, then a fourth view, all refined:

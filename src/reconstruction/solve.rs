@@ -15,7 +15,7 @@ use crate::problem::{Map, Problem, Subject, Why};
 
 /// A linear map without refinement: a start for a solver of one's own.
 ///
-/// The best hypothesis of the search, or with [`Strategy::FirstViews`] the map at the end of the
+/// The best hypothesis of the search, or with [`Strategy::FirstViews`](super::Strategy::FirstViews) the map at the end of the
 /// paper's path, whatever its cost. Same gauge as [`solve`]; [`Termination::NotRefined`].
 ///
 /// # Errors
