@@ -32,7 +32,7 @@ test: test-rust probe test-python ## Run all tests, Rust and Python
 all: lint test ## What CI runs: lint and test
 
 test-rust:
-	cargo test $(LOCKED) --features rayon,capi
+	cargo test $(LOCKED) --features rayon,capi,serde
 	cargo check $(LOCKED) --no-default-features
 	cargo check $(LOCKED) --no-default-features --features alloc
 

@@ -4,6 +4,8 @@
 mod align;
 mod bearing;
 pub(crate) mod points;
+#[cfg(all(feature = "serde", feature = "alloc"))]
+pub(crate) mod serialized;
 
 pub use align::{align, transform_pose};
 pub use bearing::{Bearing, Pose, bearing_to, is_ahead, pose, signed_angle, xytheta};

@@ -6,6 +6,8 @@ mod noise;
 mod priors;
 #[expect(clippy::module_inception, reason = "the type that the module is about")]
 mod problem;
+#[cfg(feature = "serde")]
+mod serialized;
 mod subject;
 
 pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};

@@ -11,6 +11,8 @@ use nalgebra::{Complex, Point2};
 
 /// How the trifocal tensor is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Method {
     /// The calibrated tensor: five landmarks, closed form; `reweights` rounds of Sampson weights.
     Calibrated {

@@ -7,6 +7,8 @@ use crate::scalar::Real;
 ///
 /// Odometry and priors always count with their squares.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Loss<T: Real = f64> {
     /// `s`: maximum likelihood under Gaussian noise.
     #[default]

@@ -6,6 +6,8 @@ use crate::scalar::Real;
 
 /// Options of a refinement, on the heap or in fixed storage.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RefineOptions<T: Real = f64> {
     /// Most linear systems to solve: what bounds the time. Good starts converge within ten; the default
     /// of 100 is for those along a long valley.

@@ -11,12 +11,15 @@ use nalgebra::Point2;
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, section 2.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Odometry {
     /// Index of the view at the start.
     pub start: usize,
     /// Index of the view at the end.
     pub end: usize,
     /// Pose of the view at the end in the frame of that at the start.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::pose"))]
     pub delta: Pose<f64>,
     /// How well it is known: x and y in the frame of the end, heading \[rad\].
     pub noise: Noise<3>,
@@ -24,10 +27,13 @@ pub struct Odometry {
 
 /// A pose that is known beforehand, in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct PosePrior {
     /// Index of the view.
     pub view: usize,
     /// Its pose.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::pose"))]
     pub pose: Pose<f64>,
     /// How well it is known: x and y in the map frame, heading \[rad\]. An infinite standard deviation
     /// is for what is not known: a compass gives the heading only.
@@ -36,10 +42,13 @@ pub struct PosePrior {
 
 /// A landmark whose position is known beforehand: a beacon, a survey point.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct LandmarkPrior {
     /// Index of the landmark.
     pub landmark: usize,
     /// Its position in the map frame.
+    #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::point"))]
     pub position: Point2<f64>,
     /// How well it is known, in the map frame.
     pub noise: Noise<2>,

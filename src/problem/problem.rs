@@ -12,6 +12,8 @@ use nalgebra::Point2;
 
 /// One bearing from a view to a landmark.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Sighting {
     /// Index of the view.
     pub view: usize,

@@ -6,6 +6,8 @@ use crate::lm::RefineOptions;
 
 /// How a first map is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Strategy {
     /// Many triples of views, both branches of each; the best few refined. Under limited sight (more
     /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
@@ -24,6 +26,8 @@ pub enum Strategy {
 ///
 /// `docs/accuracy.md` has how often the defaults miss the best known minimum, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SearchOptions {
     /// Triples of views whose tensor is estimated.
     pub triples: usize,
@@ -50,6 +54,8 @@ impl Default for SearchOptions {
 
 /// Options of [`solve`](crate::solve) and [`initialize`](crate::initialize).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SolveOptions {
     /// How a first map is found.
     pub strategy: Strategy,

@@ -16,6 +16,8 @@ mod properties;
 mod reference;
 mod refinement;
 mod robust;
+#[cfg(feature = "serde")]
+mod serialized;
 mod shapes;
 mod sight;
 mod single;

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Poses and points as `serde` writes and reads them: `[x, y, theta]` \[length, rad\] and `[x, y]`.
+//!
+//! A rotation that is read is a rotation whatever the numbers are, which a complex number would not be.
+
+/// `#[serde(with = ...)]` of a pose.
+pub mod pose {
+    use crate::geometry::{Pose, pose, xytheta};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(pose: &Pose<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+        xytheta(pose).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Pose<f64>, D::Error> {
+        <[f64; 3]>::deserialize(deserializer).map(|[x, y, theta]| pose(x, y, theta))
+    }
+}
+
+/// `#[serde(with = ...)]` of a point.
+pub mod point {
+    use nalgebra::Point2;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(point: &Point2<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+        [point.x, point.y].serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Point2<f64>, D::Error> {
+        <[f64; 2]>::deserialize(deserializer).map(Point2::from)
+    }
+}
