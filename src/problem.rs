@@ -2,6 +2,7 @@
 //! What is given and what is found: sightings, odometry and priors; poses and landmarks.
 
 mod map;
+mod noise;
 mod priors;
 #[expect(clippy::module_inception, reason = "the type that the module is about")]
 mod problem;
@@ -9,7 +10,8 @@ mod subject;
 
 pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub use map::Map;
+pub use noise::Noise;
 pub(crate) use priors::Tie;
-pub use priors::{LandmarkPrior, Noise, Odometry, PosePrior};
+pub use priors::{LandmarkPrior, Odometry, PosePrior};
 pub use problem::{Problem, Seen, Sighting};
 pub use subject::{Subject, Undetermined, Why};

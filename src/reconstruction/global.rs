@@ -29,7 +29,7 @@ pub fn starts(
     seed: u64,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    // The signs of the bearings tell the branches of most triples apart, and which way the system is to go.
+    // The signs of the bearings distinguish the branches of most triples, and give the linear system its direction.
     if !problem.is_oriented() {
         return Err(Error::NeedsOriented {
             what: "the global method",

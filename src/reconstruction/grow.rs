@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From three poses to a map of everything they reach, and what it is worth.
+//! From three poses to a map of everything they reach, and its score.
 
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
@@ -31,7 +31,7 @@ pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f6
 
 /// Grows a map from the poses it has, by triangulation and resection in turn, as far as it goes.
 ///
-/// What had its first estimate from few neighbours has it made anew from all once they are known.
+/// Landmarks that were first estimated from few views are estimated anew once more views are known.
 pub fn grow(problem: &Problem, map: &mut Map) {
     triangulate_all(problem, map);
     loop {

@@ -155,7 +155,7 @@ fn component(
             }
         }
     }
-    // What goes on is what may still be the best.
+    // Only those go on that may still become the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = gates::rounding(problem);
     unfinished.retain(|map| is_as_good(variance(map), least, options.hopeless_ratio, rounding));

@@ -22,9 +22,9 @@ impl Default for InfinityOptions {
 
 /// Takes landmarks at infinity out of a refined map: their range means nothing.
 ///
-/// Their bearings have done their part: they hold the headings, and the cost counts them.
+/// Their bearings have been used: they determine the headings, and the cost counts them.
 pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction) {
-    // Exact bearings leave no noise to judge by, and a map that explains nothing is none.
+    // Exact bearings leave no noise to judge by, and of a map that explains nothing no landmark is known.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
         || found.rms > InfinityOptions::default().plausible_rms
@@ -36,7 +36,7 @@ pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction)
         .iter()
         .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))
         .sum();
-    // When the map depends on them, its uncertainty tells.
+    // When the map depends on them, its uncertainty shows it.
     if lost >= found.freedom {
         return;
     }

@@ -14,7 +14,7 @@ use alloc::vec::Vec;
 /// What is asked of a map.
 #[derive(Clone, Copy, Debug)]
 struct JudgeOptions {
-    /// Fewest degrees of freedom for which the cost alone tells a right minimum.
+    /// Fewest degrees of freedom with which the cost alone identifies the right minimum.
     telling_freedom: usize,
     /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
     plausible_deviations: f64,
@@ -84,8 +84,8 @@ pub fn judged(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruct
 
 /// Refuses a map that exact bearings leave free in a direction.
 ///
-/// Odometry and priors may hold what bearings do not, however loosely beside them: with these it is
-/// `diagnose` and the covariance that tell.
+/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is refused here:
+/// `diagnose` and the covariance show such directions.
 pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
     if !problem.ties().is_empty() {
         return Ok(());
@@ -93,8 +93,8 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     // Beyond this the number is rounding itself.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
-    // Bearings that are explained to rounding leave no doubt that the geometry is at fault; with noise
-    // the uncertainty says so.
+    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
+    // uncertainty shows it.
     if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
         return Err(Error::Degenerate {
             kind: Degeneracy::FreeMap,
@@ -115,7 +115,7 @@ fn mean_weight(problem: &Problem) -> f64 {
 }
 
 /// Whether the cost of a map from bearings alone is what the standard deviations of the sightings predict for
-/// the right minimum: neither above nor below it, because no wrong one comes so close.
+/// the right minimum, neither above nor below it. No wrong minimum comes so close.
 pub fn is_plausible(found: &Reconstruction) -> bool {
     let options = JudgeOptions::default();
     let bound = options.plausible_deviations;
@@ -142,10 +142,10 @@ pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
 /// Whether a robust map with odometry and priors reaches all that any start would, with no more outliers than
 /// a search finds its way among.
 ///
-/// Its cost is not looked at: real standard deviations are never exact, and many outliers tell a wrong map
+/// Its cost is not looked at: real standard deviations are never exact, whereas a wrong map has many outliers
 /// whatever they are.
 pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
-    // No start would reach it, or its sightings are among the outliers that are counted.
+    // No start would reach these, or their sightings are among the outliers that are counted.
     let hopeless = |one: &Undetermined| {
         matches!(
             one.why,
@@ -158,8 +158,8 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
         && JudgeOptions::default().sightings_per_outlier * outliers <= found.inliers.len()
 }
 
-/// Refuses a map that chance explains: any bearings have one that as many of them agree with as it has
-/// unknowns, and a few more.
+/// Refuses a map that chance explains: for any bearings, even random ones, there is a map with which as many of
+/// them agree as it has unknowns, and a few more.
 ///
 /// # Errors
 /// [`Error::NoConsensus`].

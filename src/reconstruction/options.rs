@@ -11,7 +11,7 @@ pub enum Strategy {
     /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
     Search,
     /// Well conditioned triples of views grown by resection and triangulation, with refinement in
-    /// between; several maps where the views do not hang together.
+    /// between; several maps where the views are not connected.
     Incremental,
     /// All views at once: headings by rotation averaging over many triples, then one sparse linear
     /// system for all positions and landmarks.
@@ -32,8 +32,8 @@ pub struct SearchOptions {
     /// Most maps that are refined; fewer when the first or two that agree are enough.
     pub candidates: usize,
     /// Triples, the best conditioned, whose tensor is varied along the direction that the bearings
-    /// hold least when the candidates leave doubt; twice as many candidates then follow. Zero for
-    /// none.
+    /// determine least when the candidates leave doubt; twice as many candidates are then refined.
+    /// Zero for none.
     pub swept: usize,
 }
 
@@ -59,10 +59,10 @@ pub struct SolveOptions {
     pub refine: RefineOptions,
     /// Seed of the draw of triples: the same seed gives the same bits.
     pub seed: u64,
-    /// Expect outliers: wrong bearings of whatever kind are found and left out. Needs the standard
-    /// deviations of the bearings, for an outlier is what misses by more than three. The strategy is
-    /// that of the last look at the bearings that are left. [`initialize`](crate::initialize) takes no
-    /// notice.
+    /// Expect outliers: wrong bearings of any kind are found and left out. Needs the standard
+    /// deviations of the bearings: an outlier is a bearing that misses by more than three of them. The
+    /// strategy applies to the final search over the inliers. [`initialize`](crate::initialize) ignores
+    /// this option.
     pub robust: bool,
 }
 

@@ -17,8 +17,8 @@ use alloc::vec::Vec;
 pub struct Reconstruction {
     /// Poses and landmarks; `None` where undetermined.
     pub map: Map,
-    /// Half the sum of squared residuals over sigma. With [`SolveOptions::robust`] no square counts
-    /// for more than 9, which is what a sighting costs that the map does not explain.
+    /// Half the sum of squared residuals over sigma. With [`SolveOptions::robust`] each square counts
+    /// for at most 9, so that a sighting that the map does not explain costs 4.5.
     ///
     /// [`SolveOptions::robust`]: crate::SolveOptions::robust
     pub cost: f64,
@@ -31,8 +31,8 @@ pub struct Reconstruction {
     /// [`SolveOptions::robust`](crate::SolveOptions::robust) those whose residual is at most three
     /// sigma, with a truncated loss those within its width; otherwise all that have a residual.
     pub inliers: Vec<bool>,
-    /// Degrees of freedom: inliers between what is determined, less parameters, but for the four of
-    /// the gauge.
+    /// Degrees of freedom: inliers between determined views and landmarks, less their parameters
+    /// except for the four of the gauge.
     pub freedom: usize,
     /// How the refinement ended.
     pub termination: Termination,
@@ -40,8 +40,8 @@ pub struct Reconstruction {
     pub iterations: usize,
     /// Views and landmarks without an estimate, and why.
     pub undetermined: Vec<Undetermined>,
-    /// Predicted standard deviation of the map over its size, in the direction that the bearings hold
-    /// least, for residuals of one sigma; NaN when it was not computed.
+    /// Predicted standard deviation of the map over its size, in the direction that the bearings
+    /// determine least, for residuals of one sigma; NaN when it was not computed.
     pub sensitivity: f64,
     /// The same for residuals as large as they are: [`Reconstruction::sensitivity`] times the root of
     /// twice the cost per degree of freedom. Above 0.2 be careful; near and above 1 the bearings do not
@@ -52,8 +52,8 @@ pub struct Reconstruction {
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
     pub alternatives: Vec<Self>,
-    /// Maps of other views, that too few common landmarks tie to this one: the largest first, each in
-    /// a gauge of its own. A landmark may have a place in several maps. What is `undetermined` in
+    /// Maps of other views, which share too few landmarks with this one to be joined: the largest first,
+    /// each in a gauge of its own. A landmark may have a place in several maps. What is `undetermined` in
     /// this map is in none of them.
     pub components: Vec<Self>,
 }
@@ -96,7 +96,7 @@ impl Reconstruction {
     }
 }
 
-/// What is measured less parameters, but for those of the gauge.
+/// Measured numbers less parameters, except for those of the gauge.
 fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();

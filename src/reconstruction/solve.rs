@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From bearings to the best map: hypotheses, refinement, choice.
+//! The public verbs: a first map, the refinement of a start, and the best map from nothing.
 
 use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, choose, judged};
@@ -79,8 +79,8 @@ pub fn refine(
     let mut progress = progress;
     let mut map = start.clone();
     let total = options.max_iterations;
-    let mut watch = |done, _| report_progress(&mut progress, "refine", done, total);
-    let mut report = refine_map(problem, &mut map, options, Some(&mut watch))?;
+    let mut observer = |done, _| report_progress(&mut progress, "refine", done, total);
+    let mut report = refine_map(problem, &mut map, options, Some(&mut observer))?;
     for undetermined in &mut report.undetermined {
         let without = match undetermined.subject {
             Subject::View(view) => start.poses[view].is_none(),
@@ -102,7 +102,7 @@ pub fn refine(
 /// grown to whole maps by resection and triangulation and scored by a robust cost over all bearings;
 /// the best are refined until one is as low as the noise says or two end in the same minimum. If they
 /// do not, more hypotheses are made by varying the tensors along the direction that the
-/// bearings hold least. Then single landmarks are tried in other places. The lowest minimum is returned,
+/// bearings determine least. Then single landmarks are tried in other places. The lowest minimum is returned,
 /// with the rivals that explain the bearings nearly as well (the mirror branch of three views, the
 /// several exact maps of four landmarks).
 ///

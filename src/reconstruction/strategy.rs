@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which path suits how much the views see, and what becomes of several maps.
+//! Which strategy suits how much the views see, what it finds, and how the maps of several components are returned.
 
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
@@ -161,7 +161,7 @@ fn no_map(problem: &Problem) -> Error {
 
 /// The largest map with the others as its components; `None` of none.
 ///
-/// What has a place in any of them is not undetermined. The others list only their landmarks at
+/// What is in any of them is not undetermined. The components list only their own landmarks at
 /// infinity.
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
@@ -182,8 +182,8 @@ pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<R
         }
     }
     for other in &mut main.components {
-        // A landmark at infinity is part of the map all the same; what it never had is none of its
-        // business.
+        // A landmark at infinity is part of the map all the same. What this map never reached is not listed
+        // here.
         other
             .undetermined
             .retain(|undetermined| undetermined.why == Why::AtInfinity);

@@ -16,7 +16,8 @@ import pytest
 
 import bearslam
 from bearslam.cli import main
-from bearslam.cli.report import describe, residuals_over_sigma
+from bearslam.cli.report import describe
+from bearslam.cli.warnings import residuals_over_sigma
 from bearslam.progress import ProgressLine
 
 from .test_files import BAD

@@ -31,7 +31,7 @@ ORDER = """
 
     verbs.sweep
 
-    cli.console cli.report cli.input
+    cli.console cli.report cli.warnings cli.input
     cli.solve cli.simulate cli.diagnose cli.convert cli.sweep cli.demo
     cli.main
 """.split()  # noqa: SIM905 - a list would take a line for each

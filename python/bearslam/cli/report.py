@@ -12,7 +12,7 @@ from bearslam.data.estimate import Estimate, outliers, per_sighting
 from bearslam.data.maps import Map, compare
 from bearslam.io.text import printable
 
-__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "percent", "residuals_over_sigma"]
+__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "percent"]
 
 SHOWN = 20
 """Rows of a listing that are printed; files have all of them."""
@@ -92,20 +92,6 @@ def errors(result: Estimate, truth: Map) -> str:
     if not math.isnan(found.heading):
         parts.append(f"headings {math.degrees(found.heading):.4g} deg rms")
     return f"errors after alignment with the truth: {', '.join(parts)}"
-
-
-def residuals_over_sigma(result: Estimate) -> float:
-    """Ratio of the residuals to what their standard deviations predict, outliers apart.
-
-    NaN without degrees of freedom to judge by, or without standard deviations.
-    """
-    sigma = result.sightings.sigma
-    if sigma is None or (sigma == 1.0).all():
-        return math.nan
-    wrong = int(outliers(result).sum())
-    # An outlier contributes the square of three standard deviations.
-    squares = 2.0 * result.cost - 9.0 * wrong
-    return math.sqrt(max(squares, 0.0) / result.freedom) if result.freedom > 0 else math.nan
 
 
 def listing(result: Estimate) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 
 from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.input import INPUT, add_input, read_input
-from bearslam.cli.report import describe, errors, listing, percent, residuals_over_sigma
-from bearslam.data.estimate import Estimate, outliers
+from bearslam.cli.report import describe, errors, listing
+from bearslam.cli.warnings import warnings
 from bearslam.data.options import FRAMES, LOSSES, METHODS, RefineOptions, SearchOptions
 from bearslam.errors import InvalidInputError
 from bearslam.io.endings import RESULTS
@@ -50,13 +50,6 @@ FIELDS = {
     "loss_scale": ("X", "width of the loss [standard deviations]"),
 }
 """The same for the fields of `SearchOptions` and `RefineOptions`."""
-
-LARGE = 3.0
-"""Ratio of residuals to standard deviations above which the map is suspected to be wrong."""
-MANY = 1 / 3
-"""Share of outliers above which a robust map is no longer to be trusted."""
-DOUBTFUL = 0.2
-"""Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
 
 
 def add(verbs: argparse._SubParsersAction[Any]) -> None:
@@ -159,27 +152,5 @@ def _run(options: argparse.Namespace) -> None:
         print(errors(result, truth))
     if options.output is None:
         print("", listing(result), sep="\n")
-    for warning in _warnings(result, robust=options.robust):
+    for warning in warnings(result, robust=options.robust):
         print_error(f"warning: {warning}")
-
-
-def _warnings(result: Estimate, *, robust: bool) -> list[str]:
-    """Reasons not to trust a map."""
-    warnings = []
-    if not result.converged:
-        warnings.append(f"not converged ({result.termination.replace('_', ' ')})")
-    large = residuals_over_sigma(result)
-    if large > LARGE:
-        warnings.append(
-            f"residuals are {large:.3g} times as large as their standard deviations: wrong bearings"
-            f"{'' if robust else ' (try --robust)'}, wrong odometry, a wrong minimum, or too small a sigma"
-        )
-    wrong = outliers(result).mean()
-    if robust and wrong > MANY:
-        warnings.append(f"{percent(wrong)} of the bearings are outliers; --robust tolerates a third")
-    if result.uncertainty > DOUBTFUL:
-        warnings.append(
-            "the bearings hardly determine this map: residuals as large as these leave it uncertain by "
-            f"{percent(result.uncertainty)} of its size; add sightings of other landmarks or from other places"
-        )
-    return warnings

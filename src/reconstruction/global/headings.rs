@@ -129,7 +129,7 @@ fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComple
         return headings;
     };
     headings[first.views[0]] = Some(UnitComplex::identity());
-    // Two known views tell the branches of a triple apart; a triple with a rival and one known view
+    // Two known views distinguish the branches of a triple; a triple with a rival and one known view
     // waits.
     loop {
         let attaches = |relative: &&&Relative, fewest: usize| {

@@ -69,7 +69,7 @@ impl Bundle {
     }
 }
 
-/// The map of the views that have a heading; `None` when nothing holds together.
+/// The map of the views that have a heading; `None` when the rays determine nothing.
 ///
 /// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
 /// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the

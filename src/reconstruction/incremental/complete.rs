@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The end of a growth: a place for everything that has one, and the last refinement.
+//! The end of a growth: everything that can be placed is placed, and the map refined for the last time.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
@@ -37,7 +37,7 @@ pub fn finish(
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);
-                // What is not at rest makes no room.
+                // A map that has not converged makes no room.
                 if !converged {
                     break;
                 }
@@ -56,15 +56,14 @@ fn refined(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let total = options.refine.max_iterations;
-    let mut watch = |done, _| report_progress(progress, "refine", done, total);
-    let report = attempt(problem, &mut map, &options.refine, Some(&mut watch))?;
+    let mut observer = |done, _| report_progress(progress, "refine", done, total);
+    let report = attempt(problem, &mut map, &options.refine, Some(&mut observer))?;
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 
-/// Puts in everything that the gates have kept out and that has a place at all, for the last
-/// refinement.
+/// Adds everything that the gates have kept out and that can be placed at all, for the last refinement.
 ///
-/// A landmark whose rays do not meet goes far out along them: the refinement tells whether it is at
+/// A landmark whose rays do not meet is put far out along them: the refinement finds out whether it is at
 /// infinity.
 fn complete(problem: &Problem, options: &IncrementalOptions, map: &mut Map, allowed: &[bool]) {
     let noise = noise(problem, map, options);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well a view or a landmark fits a map, and how far the map holds it.
+//! How well a view or a landmark fits a map, and how well the map determines it.
 //!
 //! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
 
@@ -71,8 +71,8 @@ pub fn noise(problem: &Problem, map: &Map, options: &IncrementalOptions) -> f64 
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
-/// The variance of residuals that are rounding, for the sharpest of the bearings: the maps that are compared need
-/// not share their sightings.
+/// The variance of residuals that are rounding, for the most precise of the bearings: the maps that are compared
+/// need not share their sightings.
 pub fn rounding(problem: &Problem) -> f64 {
     let weights = problem.sightings().iter();
     judge::rounding(weights.fold(0.0_f64, |most, s| most.max(s.weight)))

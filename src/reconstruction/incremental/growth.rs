@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! One map on its way from a few poses to everything it can reach.
 //!
-//! A round adds the views that the map holds best, up to a quarter more than it has, then landmarks,
+//! A round adds the views that the map determines best, up to a quarter more than it has, then landmarks,
 //! and refines. What does not fit waits for a later round, when the map is better; when nothing else
 //! is left the gates open wider.
 
@@ -101,7 +101,7 @@ impl<'a> Growth<'a> {
         Ok(())
     }
 
-    /// Adds the views that the map holds best; returns how many.
+    /// Adds the views that the map determines best; returns how many.
     fn add_views(&mut self) -> usize {
         let mut found: Vec<(f64, usize, Pose<f64>)> = Vec::new();
         for view in 0..self.map.poses.len() {
@@ -122,7 +122,7 @@ impl<'a> Growth<'a> {
         found.len()
     }
 
-    /// The pose of a view that passes the gates, and how far it is held: one over the standard
+    /// The pose of a view that passes the gates, and how well it is determined: one over the standard
     /// deviation of its heading, in units of the noise.
     fn place_view(&self, view: usize) -> Option<(Pose<f64>, f64)> {
         if self.map.connections_of_view(self.problem, view)
@@ -143,7 +143,7 @@ impl<'a> Growth<'a> {
         (fits && (last || held * self.options.max_deviation > 1.0)).then_some((pose, held))
     }
 
-    /// Adds the landmarks that the views hold.
+    /// Adds the landmarks that the views determine.
     fn triangulate(&mut self) {
         for landmark in 0..self.map.landmarks.len() {
             if self.map.landmarks[landmark].is_none() {
@@ -165,13 +165,13 @@ impl<'a> Growth<'a> {
     /// A few steps of refinement of the whole; `false` when it cannot be refined.
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
-        let mut watch = |_, _| report_progress(progress, "grow", reached, total);
+        let mut observer = |_, _| report_progress(progress, "grow", reached, total);
         let refine = self.options.refine;
         let options = RefineOptions {
             max_iterations: refine.max_iterations.min(self.options.growing_iterations),
             ..refine
         };
-        let report = attempt(self.problem, &mut self.map, &options, Some(&mut watch))?;
+        let report = attempt(self.problem, &mut self.map, &options, Some(&mut observer))?;
         if report.is_some() {
             self.noise = noise(self.problem, &self.map, self.options);
         }

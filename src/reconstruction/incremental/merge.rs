@@ -74,7 +74,7 @@ pub fn merge(
     Ok(found)
 }
 
-/// Two maps as one, refined; `None` where too little ties them or they do not fit.
+/// Two maps as one, refined; `None` where they share too little or do not fit.
 fn joined(
     problem: &Problem,
     options: &IncrementalOptions,
@@ -103,8 +103,8 @@ fn joined(
 /// The first map with what the second has beyond it, moved by the similarity that fits their common
 /// landmarks best; `None` when they share fewer than two.
 ///
-/// Two shared landmarks fix the similarity and leave nothing to check it; the refinement of the
-/// whole does, by its cost.
+/// Two shared landmarks fix the similarity and leave nothing to check it; the cost of the refinement of the
+/// whole is the check.
 fn merged(
     problem: &Problem,
     options: &IncrementalOptions,

@@ -51,10 +51,11 @@ pub struct IncrementalOptions {
 
     /// Refinements of a map, each of which may make room for a view that did not fit before.
     pub completions: usize,
-    /// So many times the size of the map is far out: beyond it the refinement tells infinity.
+    /// So many times the size of the map is far out: beyond it the refinement finds out whether a landmark is at
+    /// infinity.
     pub far_sizes: f64,
-    /// Iterations that the map of a seed gets at its end: one that has grown well needs two to five, and what takes
-    /// more goes on by Newton's method, which is dear.
+    /// Iterations of the last refinement of the map of a seed: one that has grown well needs two to five, and what takes
+    /// more goes on by Newton's method, which is expensive.
     pub first_iterations: usize,
     /// Most unfinished maps that go on.
     pub max_finished: usize,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Places of single views and landmarks in a map.
 //!
-//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms
-//! know nothing of the side: the place that puts it ahead is tried as well.
+//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms may put it
+//! behind: the mirrored place, which puts it ahead, is tried as well.
 
 use super::gates::Fit;
 #[cfg(not(feature = "std"))]

@@ -25,7 +25,7 @@ pub struct GrowthOptions {
     /// Most iterations of each refinement on the way: a piece only has to stay near its minimum.
     pub iterations: usize,
     /// Parallax (smaller over larger singular value of the directions of the rays) below which a landmark of a
-    /// growing piece has to wait: rays that spread by less than six degrees tell its range badly.
+    /// growing piece has to wait: rays that spread by less than six degrees determine its range badly.
     pub min_parallax: f64,
     /// Fewest shared landmarks that lay one piece over another: as many as fix a similarity.
     pub min_shared: usize,
@@ -44,8 +44,10 @@ impl Default for GrowthOptions {
 
 /// How the parts of a growing piece are estimated.
 pub trait Placement {
-    /// The map of what is known beforehand, in the frame of the priors; empty where nothing is.
-    fn known(&self) -> Map;
+    /// The map of what is known beforehand, in the frame of the priors; `None` where nothing is.
+    fn known(&self) -> Option<Map> {
+        None
+    }
 
     /// Options of the refinements on the way.
     fn refine_options(&self) -> RefineOptions;
@@ -56,24 +58,29 @@ pub trait Placement {
     /// The pose at the end of a motion, given that at its start.
     fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64>;
 
-    /// Places new landmarks that a view sees.
-    fn place_landmarks_of(&mut self, map: &mut Map, view: usize);
+    /// Places new landmarks that a view sees, unless they wait for the next refinement.
+    fn place_landmarks_of(&mut self, _map: &mut Map, _view: usize) {}
 
     /// Places all landmarks anew; one whose rays do not determine it has to wait.
     fn place_landmarks(&mut self, map: &mut Map);
 
-    /// A view that no odometry reaches, with its pose by the landmarks of the piece; `None` when there is none.
-    fn next_apart(&self, map: &Map) -> Option<(usize, Pose<f64>)>;
+    /// A view that no odometry reaches, with its pose by the landmarks of the piece; `None` when there is none, or it
+    /// is better placed once all pieces are joined.
+    fn next_apart(&self, _map: &Map) -> Option<(usize, Pose<f64>)> {
+        None
+    }
 
-    /// The last word on the landmarks of a piece that has been refined.
-    fn finish_piece(&mut self, map: &mut Map);
+    /// Places the landmarks of a piece after its last refinement.
+    fn finish_piece(&mut self, _map: &mut Map) {}
 
     /// Two pieces as one, given the landmarks that they share, in the second and in the first; `None` when
     /// these do not fix how they lie.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map>;
 
     /// Whether the whole is refined each time a piece has been joined.
-    fn refines_joined(&self) -> bool;
+    fn refines_joined(&self) -> bool {
+        false
+    }
 
     /// Adds to a map of joined pieces what its landmarks place.
     ///
@@ -104,9 +111,9 @@ pub fn grow_along_odometry(
         progress,
     };
     let mut pieces = Vec::new();
-    let mut known = growth.placement.known();
-    let fixed = known.determined().next().is_some();
-    if fixed {
+    let known = growth.placement.known();
+    let fixed = known.is_some();
+    if let Some(mut known) = known {
         growth.extend(&mut known)?;
         pieces.push(known);
     }

@@ -15,11 +15,11 @@ use alloc::vec::Vec;
 /// Options of the growth by least squares.
 #[derive(Clone, Copy, Debug)]
 struct StrideOptions {
-    /// A piece is refined each time it has grown by one view in so many.
+    /// A piece is refined again when it has grown by one view for so many that it had.
     part: usize,
-    /// And by how many views that is at least.
+    /// The fewest views by which it grows in between.
     shortest: usize,
-    /// And at most: a long way by odometry alone leads out of the reach of the refinement.
+    /// The most views by which it grows in between: a long way by odometry alone leads out of the reach of the refinement.
     longest: usize,
     /// Tolerance of the refinements on the way, relative to the cost.
     tolerance: f64,
@@ -84,7 +84,7 @@ impl<'a> LeastSquaresPlacement<'a> {
 }
 
 impl Placement for LeastSquaresPlacement<'_> {
-    fn known(&self) -> Map {
+    fn known(&self) -> Option<Map> {
         let mut known = Map::empty(self.problem.views(), self.problem.landmarks());
         for tie in self.problem.ties() {
             match tie {
@@ -97,7 +97,8 @@ impl Placement for LeastSquaresPlacement<'_> {
                 _ => {}
             }
         }
-        known
+        let fixed = known.determined().next().is_some();
+        fixed.then_some(known)
     }
 
     fn refine_options(&self) -> RefineOptions {
@@ -117,9 +118,6 @@ impl Placement for LeastSquaresPlacement<'_> {
     fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
         from * motion.delta
     }
-
-    // They wait for the next refinement.
-    fn place_landmarks_of(&mut self, _: &mut Map, _: usize) {}
 
     fn place_landmarks(&mut self, map: &mut Map) {
         self.triangulate(map, self.min_parallax);
@@ -141,10 +139,6 @@ impl Placement for LeastSquaresPlacement<'_> {
 
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
         laid_over(maps, shared)
-    }
-
-    fn refines_joined(&self) -> bool {
-        false
     }
 
     fn complete(&mut self, map: &mut Map) -> Result<(), Error> {

@@ -4,7 +4,7 @@
 //! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
 //! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
 //! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
-//! whose work is quadratic in the views, is left out where it could place few of many views.
+//! whose work is quadratic in the views, is left out where it could place only a few of many views.
 
 use super::super::attempt::recoverable;
 use super::super::infinity::drop_landmarks_at_infinity;
@@ -98,7 +98,7 @@ pub fn solve_posterior(
     if options.robust {
         refuse_minority(&attempts.found[0])?;
     }
-    // What the best does not reach, and nothing ties to it, makes maps of its own.
+    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     for start in &starts {
         if attempts
             .found
@@ -131,7 +131,7 @@ struct Attempts<'a, 'p> {
     many: bool,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
-    /// Why the last one that could not be refined could not.
+    /// Why the last failed refinement failed.
     failure: Error,
 }
 
@@ -161,13 +161,13 @@ impl Attempts<'_, '_> {
         }
         let options = &self.options.refine;
         let mut map = start.clone();
-        let mut watch =
+        let mut observer =
             |done, _| report_progress(self.progress, "refine", done, options.max_iterations);
         match recoverable(refine_map(
             self.problem,
             &mut map,
             options,
-            Some(&mut watch),
+            Some(&mut observer),
         ))? {
             Ok(report) => {
                 let found = Reconstruction::new(self.problem, &map, report);
@@ -178,8 +178,8 @@ impl Attempts<'_, '_> {
         Ok(())
     }
 
-    /// Refines the maps from bearings alone, aligned to the priors, and as they are as well: where odometry is worth next to
-    /// nothing that may lead lower.
+    /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where these weigh
+    /// next to nothing, that may lead lower.
     fn refine_from_bearings(&mut self) -> Result<(), Error> {
         let alone = self.problem.clone().without_ties();
         let best = if self.options.robust {

@@ -31,7 +31,7 @@ const FIXING: usize = 2;
 /// Options of the robust growth.
 #[derive(Clone, Copy, Debug)]
 struct RobustGrowthOptions {
-    /// A piece is refined each time it has grown by one view in so many: more often than by least squares, because
+    /// A piece is refined again when it has grown by one view for so many that it had: more often than by least squares, because
     /// a wrong bearing leads astray whatever is placed after it.
     part: usize,
     /// Most pairs of shared landmarks by which it is tried to lay one piece over another.
@@ -114,10 +114,6 @@ impl RobustPlacement<'_> {
 }
 
 impl Placement for RobustPlacement<'_> {
-    fn known(&self) -> Map {
-        Map::empty(self.problem.views(), self.problem.landmarks())
-    }
-
     fn refine_options(&self) -> RefineOptions {
         self.robust.refine
     }
@@ -144,13 +140,6 @@ impl Placement for RobustPlacement<'_> {
             self.place_landmark(map, landmark);
         }
     }
-
-    // They are placed once the pieces are joined, by all landmarks.
-    fn next_apart(&self, _: &Map) -> Option<(usize, Pose<f64>)> {
-        None
-    }
-
-    fn finish_piece(&mut self, _: &mut Map) {}
 
     /// By the two shared landmarks with which most bearings agree, or by all of them if that is better.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
@@ -187,7 +176,7 @@ impl Placement for RobustPlacement<'_> {
 }
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
-/// placed among outliers. The work it does is quadratic in the views, and in vain where most are not.
+/// placed among outliers. Its work is quadratic in the views, and in vain where most cannot be placed.
 pub fn is_searchable(problem: &Problem) -> bool {
     let enough = RobustOptions::default().agreeing_of_view;
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Lower minima along the odometry.
 //!
-//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of them may
-//! come to lie where a few wrong bearings and the odometry agree. Once all landmarks are known the same views
-//! find their places one after the other; from the other end they find different ones where it matters.
+//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of views may be
+//! drawn to where a few wrong bearings and the odometry agree. Once all landmarks are known, the same views can be
+//! placed one after the other by all of them; a sweep from the other end places them differently where it matters.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
@@ -24,10 +24,10 @@ struct SweepOptions {
     rounds: usize,
     /// A round is worth another when it has lowered the cost by more than this: that of an outlier.
     worth: f64,
-    /// Tolerance of the refinement with Cauchy's loss: it only has to tell inliers.
+    /// Tolerance of the refinement with Cauchy's loss: it only has to identify the inliers.
     cauchy_tolerance: f64,
-    /// Bounds, in standard deviations, within which sightings are taken for good for once: what has bent the map falls
-    /// out, and what it has pushed out comes back.
+    /// Bounds, in standard deviations, that are each tried once for the choice of the inliers: narrow ones leave out
+    /// what has bent the map, wide ones take back what that has pushed out.
     bounds: [f64; 4],
 }
 
@@ -42,7 +42,7 @@ impl Default for SweepOptions {
     }
 }
 
-/// The fixed point that a start leads to by way of the least of Cauchy's loss, which outliers hardly move.
+/// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
 ///
 /// # Errors
 /// Those of the refinement.
@@ -56,13 +56,13 @@ pub fn cauchy_consensus(
         tolerance: SweepOptions::default().cauchy_tolerance,
         ..options.refine
     };
-    // What cannot be refined as a whole may still have a part that can.
+    // Where the whole cannot be refined, a part may still be.
     attempt(problem, &mut map, &soft, None)?;
     to_consensus(problem, map, options)
 }
 
-/// Places all views anew along the odometry, from its first views on and from its last, as long as that
-/// lowers the cost; then takes sightings for good, or for wrong, that are near the bound.
+/// Places all views anew along the odometry, from its first view on and from its last, as long as that
+/// lowers the cost; then tries other bounds for the inliers.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
@@ -103,8 +103,8 @@ pub fn sweep_odometry(
     Ok(best)
 }
 
-/// The views of a map one after the other along the odometry, by all of its landmarks; of what hangs
-/// together the first view, or the last, stays.
+/// The views of a map placed one after the other along the odometry, by all of its landmarks; of each set of
+/// connected views the first, or the last, stays where it is.
 fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps: usize) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);

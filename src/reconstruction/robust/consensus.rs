@@ -34,8 +34,8 @@ pub struct Consensus {
     pub report: Report,
 }
 
-/// The square of residual over sigma of one sighting: the only place that says what it is for a bearing
-/// to agree with a pose and a landmark.
+/// The square of residual over sigma of one sighting: the one measure of how well a bearing agrees with a pose and
+/// a landmark.
 #[inline]
 pub fn square(problem: &Problem, seen: &Seen, pose: &Pose<f64>, point: &Point2<f64>) -> f64 {
     let residual = problem.residual(pose, point, seen) * seen.weight;
@@ -53,8 +53,8 @@ pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = O
         })
 }
 
-/// Half the sum of the squares, none of which counts for more than that of `bound`; a sighting that the
-/// map does not reach counts that much. Odometry and priors count in full.
+/// Half the sum of the squares, each at most that of `bound`, which is also what a sighting counts that the map does
+/// not reach. Odometry and priors count in full.
 pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
     let most = bound * bound;
     let bearings = squares(problem, map).fold(0.0, |sum, square| {
@@ -105,7 +105,7 @@ fn refined(
 
 /// The fixed point that a set of inliers leads to.
 ///
-/// `None` when they do not hold a map.
+/// `None` when they do not determine a map.
 ///
 /// # Errors
 /// As [`descend`].

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Single sightings, and pairs, on the other side of the bound.
+//! Single sightings, and pairs, that change from inlier to outlier or back.
 //!
-//! An outlier that has much leverage has bent the map until it fits: its residual is small, and that of
-//! the good bearing that contradicts it is large. What the residuals would be without it is predicted to
+//! An outlier with much leverage has bent the map until it fits: its residual is small, and that of the
+//! good bearing that contradicts it is large. What the residuals would be without it is predicted to
 //! first order.
 
 use super::consensus::{Consensus, OUTLIER, fixed_point};
@@ -15,7 +15,7 @@ use alloc::vec::Vec;
 
 /// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
 ///
-/// The residual that a sighting would have on the other side follows from its leverage, (T29); those
+/// The residual that a sighting would have after the change follows from its leverage, (T29); the changes
 /// that promise most are tried.
 ///
 /// # Errors
@@ -73,7 +73,7 @@ fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Ve
         if alone < worth {
             found.push((alone, vec![k]));
         }
-        // An inlier can only be missed by what it costs as an outlier; others may be anything.
+        // Leaving out an inlier costs at most what an outlier costs; beyond that no second change pays.
         if alone > most {
             continue;
         }

@@ -55,8 +55,8 @@ impl Motions {
         &self.of[view]
     }
 
-    /// Twice what a view at a pose costs as long as nothing else moves: the squares of its motions to what the
-    /// map has, and of its sightings, none of which counts for more than an outlier.
+    /// Twice the cost of a view at a pose while nothing else moves: the squares of its motions to other views of the
+    /// map, and of its sightings, each at most that of an outlier.
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
         let most = OUTLIER * OUTLIER;
         let mut cost = 0.0;

@@ -21,7 +21,7 @@ pub struct Placed<P> {
     pub cost: f64,
     /// Which of its sightings agree with it, among those whose other end is in the map.
     pub agreeing: Vec<bool>,
-    /// Whether it has been there all the time.
+    /// Whether it is the one that the map has already.
     pub present: bool,
 }
 
@@ -237,8 +237,8 @@ where
     }
 
     /// Whether only the best place is asked for and so many of all sightings agree with the present one
-    /// that none could be better: those that agree with another are among the rest, but for about as
-    /// many as fix it.
+    /// that none could be better: the sightings that agree with another place are among the rest, apart from
+    /// about as many as fix it.
     fn is_beyond_doubt(&self, all: usize, fixing: usize) -> bool {
         let present = self.places.first();
         self.count == 1

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Views and landmarks in other places.
+//! Views and landmarks assigned to other places.
 
 use super::super::options::{Progress, report_progress};
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, to_consensus};
@@ -69,7 +69,7 @@ enum Move {
     Landmark(usize, Point2<f64>),
 }
 
-/// Puts single views and landmarks in other places and follows the map from there, as long as that
+/// Moves single views and landmarks to other places and refines the map from there, as long as that
 /// lowers the cost.
 ///
 /// # Errors
@@ -81,7 +81,7 @@ pub fn reassign(
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    // Where each try moves hundreds of views, only one that promises something is followed to its end.
+    // With odometry each try moves hundreds of views: only those that promise something are refined to the end.
     let tied = !problem.ties().is_empty();
     for _ in 0..options.reassign_rounds {
         let mut lower = None;
@@ -131,7 +131,7 @@ fn moves(
 ) -> Vec<(f64, Move)> {
     let mut found: Vec<(f64, f64, Move)> = Vec::new();
     let motions = Motions::new(problem);
-    // One sighting more or less is no other place where each try moves hundreds of views.
+    // With odometry, where each try moves hundreds of views, one sighting more or less is not worth it.
     let least = if problem.ties().is_empty() {
         1
     } else {

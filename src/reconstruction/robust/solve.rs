@@ -23,8 +23,8 @@ use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Largest standard deviation with which outliers can be told \[rad\]: three of them to both sides are a
-/// third of the circle, and every third random bearing is no outlier. No option: a bound of the method.
+/// Largest standard deviation with which outliers can be identified \[rad\]: three of them to both sides are a
+/// third of the circle, so every third random bearing would be an inlier. No option: a bound of the method.
 const COARSEST: f64 = 0.35;
 
 /// The map that explains most of the bearings, and which these are.
@@ -193,7 +193,7 @@ fn good_samples(best: &Consensus) -> f64 {
     (0..3 * SAMPLE).fold(1.0, |product, _| product * share)
 }
 
-/// The minimum that the plain hypotheses lead to: for problems too small for samples.
+/// The minimum that the plain hypotheses lead to, where problems are too small for samples.
 fn from_plain_hypotheses(
     problem: &Problem,
     seed: u64,
@@ -256,8 +256,8 @@ fn improve(
     }
 }
 
-/// The best map and its rivals, once the plain search has seen the inliers: it knows the second motion
-/// of three views, and on good bearings robust and plain solve agree.
+/// The best map and its rivals after a plain search over the inliers: it finds the second motion of three views
+/// as well, and makes robust and plain solve agree on good bearings.
 fn confirm_by_plain_search(
     problem: &Problem,
     best: Consensus,

@@ -10,7 +10,7 @@ use crate::problem::{Map, Problem};
 /// A map from the first three views that can start one, the others added in their order.
 ///
 /// The two solutions of three views are told apart by the singular value of the resection of the
-/// fourth view; with three views only, or a tie of none, by the signs of the bearings.
+/// fourth view; with three views only, or when they are equal, by the signs of the bearings.
 ///
 /// # Errors
 /// Those of [`three_view`] for the first three views.

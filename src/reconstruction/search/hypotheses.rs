@@ -203,7 +203,7 @@ fn too_few_shared(problem: &Problem) -> Error {
     )
 }
 
-/// The same, for a method that needs so many.
+/// The error of a method that needs so many shared landmarks.
 pub fn too_few(problem: &Problem, needed: usize) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",

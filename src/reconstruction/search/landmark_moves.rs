@@ -3,7 +3,7 @@
 //!
 //! The cost of one landmark, the views held fixed, may have several minima: on a view, at infinity,
 //! and in between. Two minima of the whole often differ in such a place and little else, and no
-//! hypothesis that is linear in the landmarks can tell them apart.
+//! hypothesis that is linear in the landmarks distinguishes them.
 
 use crate::kernels::triangulate;
 use crate::problem::{Map, Problem};

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
 //!
-//! A hypothesis in the basin of a good minimum gets there in a few iterations; what has not converged
-//! by then is in a bad one or hardly determined. So all candidates get a few iterations, and the best of
-//! the unfinished go on. It is enough when a minimum is as low as the noise says it must be, or two
-//! triples of views have led to it.
+//! A hypothesis in the basin of a good minimum converges in a few iterations; what has not converged by then is in
+//! the basin of a bad one or hardly determined. So all candidates get a few iterations, and the best of those that
+//! have not converged go on. The search ends when a minimum is as low as the noise predicts, or two triples of views
+//! have led to it.
 
 use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same, variance};
@@ -27,8 +27,8 @@ struct MinimaOptions {
     max_finished: usize,
     /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
     hopeless_ratio: f64,
-    /// Fewest degrees of freedom for which the cost alone tells the right minimum when it took its time: of those
-    /// more are wrong.
+    /// Fewest degrees of freedom with which the cost alone identifies the right minimum when the first iterations
+    /// did not reach it: more of these are wrong.
     sure_freedom: usize,
     /// Other places of landmarks that are tried in a round.
     moves: usize,
@@ -61,7 +61,7 @@ pub struct Minima<'a, 'p> {
     /// With the number of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
     unfinished: Vec<(Reconstruction, usize)>,
-    /// Why the last start that could not be refined could not.
+    /// Why the last failed refinement failed.
     failure: Option<Error>,
 }
 
@@ -226,8 +226,8 @@ impl<'a, 'p> Minima<'a, 'p> {
             max_iterations,
             ..*self.options
         };
-        let mut watch = |_, _| report_progress(self.progress, "refine", done, total);
-        let refined = refine_map(self.problem, &mut map, &options, Some(&mut watch));
+        let mut observer = |_, _| report_progress(self.progress, "refine", done, total);
+        let refined = refine_map(self.problem, &mut map, &options, Some(&mut observer));
         match recoverable(refined)? {
             Ok(mut report) => {
                 report.iterations += used;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A circle of tensors through the two that fit three views best; the other views find the place on it.
+//! A circle of tensors through the two that fit three views best; the other views determine the place on it.
 
 use super::super::grow::{grow, score};
 use super::triples::common_bearings;

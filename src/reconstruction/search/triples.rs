@@ -27,7 +27,7 @@ impl Default for DrawOptions {
     }
 }
 
-/// Bit sets of the landmarks that each view sees, for the views and landmarks that take part.
+/// Bit sets of the landmarks that each view sees, of the views and landmarks that can be in a triple.
 struct Sight {
     /// The views that see at least as many landmarks as are needed.
     views: Vec<usize>,
@@ -164,8 +164,8 @@ pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>
     (triples, landmarks)
 }
 
-/// Whether the second of two motions may be the right one: it leaves hardly more bearings that point away
-/// than the first, or bearings are lines and their signs tell nothing.
+/// Whether the second of two motions may be the right one: hardly more of its landmarks are behind a view than of the
+/// first, or bearings are lines and their signs unknown.
 pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) -> bool {
     let [first, second] = motions;
     let margin = 1 + shared / 8;
