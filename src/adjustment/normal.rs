@@ -290,7 +290,7 @@ impl StepSolver for Normal<'_> {
             .collect();
         bundle.step(&poses, &landmarks, result);
         self.delta = delta;
-        predicted.is_finite().then(|| predicted * 0.5)
+        predicted.is_finite().then_some(predicted * 0.5)
     }
 
     fn moves_landmark(&self, landmark: usize) -> bool {
