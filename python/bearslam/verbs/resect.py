@@ -26,9 +26,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
 def resect(
     landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
 ) -> FloatArray | Fix: ...
-def resect(
-    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
-) -> FloatArray | Fix:
+def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False) -> FloatArray | Fix:
     """Pose of one view, or of each of several, from bearings to known landmarks, linearly.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
@@ -90,10 +88,11 @@ def resect(
     deviation = real("sigma", sigma, 0.0, above=True)
     detailed = flag("details", details)
     rows = directions[None] if single else directions
-    seen = ~np.isnan(rows).all(axis=0)
-    unknown = np.argwhere(seen[:, None] & np.isnan(points))
+    seen = np.flatnonzero(np.isfinite(rows).any(axis=0))
+    unknown = np.argwhere(np.isnan(points[seen]))
     if len(unknown):
-        index, axis = unknown[0]
+        row, axis = unknown[0]
+        index = seen[row]
         raise InvalidInputError(
             f"landmarks[{index}, {axis}]: expected a finite number for a landmark that was seen, got nan"
         )
