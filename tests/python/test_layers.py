@@ -10,8 +10,8 @@ PACKAGE = Path(__file__, "../../../python/bearslam").resolve()
 ORDER = """
     errors progress
 
-    data.checks data.align data.fix data.maps data.priors data.sightings data.problem data.normalize data.options data.request
-    data.estimate
+    data.checks data.align data.fix data.maps data.priors data.sightings data.problem data.normalize data.options
+    data.request data.estimate
 
     io.atomic io.compression io.endings io.text io.view_names io.information
     io.number_table io.dead_reckoning io.edge_noise

@@ -74,7 +74,7 @@ fn assert_close(a: &Value, b: &Value) {
 #[test]
 fn a_problem_comes_back_as_it_was_given() {
     let problem = problem();
-    for problem in [problem.clone(), problem.unoriented()] {
+    for problem in [problem.clone(), problem.clone().unoriented()] {
         let written = to_value(&problem).unwrap();
         let read: Problem = from_str(&to_string(&problem).unwrap()).unwrap();
         assert_eq!(read.input_order(), problem.input_order());
@@ -86,7 +86,7 @@ fn a_problem_comes_back_as_it_was_given() {
             assert!((a.weight / b.weight - 1.0).abs() < 1e-15);
         }
     }
-    let written = to_value(problem()).unwrap();
+    let written = to_value(&problem).unwrap();
     // As they were given: the last sighting first, and what a file cannot say of infinity.
     let first = &written["sightings"][0];
     assert_eq!((&first["view"], &first["landmark"]), (&json!(3), &json!(7)));

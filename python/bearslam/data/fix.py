@@ -46,7 +46,9 @@ class Fix:
 def fix_from_core(raw: RawFixes, *, single: bool) -> Fix:
     """Fix of all rows, or of the only one."""
     value, covariance, rms, sigma0 = raw["value"], raw["covariance"], raw["rms"], raw["sigma0"]
-    assert covariance is not None and rms is not None and sigma0 is not None, "details were asked for"
+    assert covariance is not None, "details were asked for"
+    assert rms is not None
+    assert sigma0 is not None
     if single:
         return Fix(value[0], covariance[0], float(rms[0]), float(sigma0[0]))
     return Fix(value, covariance, rms, sigma0)

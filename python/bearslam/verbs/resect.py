@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam import _core
 from bearslam.data.checks import FloatArray, flag, floats, plain, real
@@ -26,9 +26,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
 def resect(
     landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
 ) -> FloatArray | Fix: ...
-def resect(
-    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
-) -> FloatArray | Fix:
+def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False) -> FloatArray | Fix:
     """Pose of one view, or of each of several, from bearings to known landmarks, linearly.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
@@ -90,7 +88,7 @@ def resect(
     deviation = real("sigma", sigma, 0.0, above=True)
     detailed = flag("details", details)
     rows = directions[None] if single else directions
-    seen = ~np.isnan(rows).all(axis=0)
+    seen: NDArray[np.bool_] = ~np.all(np.isnan(rows), axis=0)
     unknown = np.argwhere(seen[:, None] & np.isnan(points))
     if len(unknown):
         index, axis = unknown[0]
