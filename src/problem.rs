@@ -8,6 +8,7 @@ mod priors;
 mod problem;
 #[cfg(feature = "serde")]
 mod serialized;
+mod sighting;
 mod subject;
 
 pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
@@ -15,6 +16,7 @@ pub use map::Map;
 pub use noise::Noise;
 pub(crate) use priors::Prior;
 pub use priors::{LandmarkPrior, Odometry, PosePrior};
-pub use problem::{IndexedSighting, Problem, Sighting};
+pub use problem::Problem;
+pub use sighting::{IndexedSighting, Sighting};
 pub(crate) use subject::{Count, Missing};
 pub use subject::{Subject, Undetermined, Why};

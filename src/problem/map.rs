@@ -2,7 +2,8 @@
 //! Poses and landmarks, some of which may be undetermined.
 
 use super::priors::Prior;
-use super::problem::{IndexedSighting, Problem};
+use super::problem::Problem;
+use super::sighting::IndexedSighting;
 use super::subject::{Count, Missing, Subject, Undetermined, Why};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]

@@ -2,41 +2,14 @@
 //! Who sees what, at which bearing.
 
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
+use super::sighting::{IndexedSighting, Sighting};
 use super::subject::Subject;
 use crate::error::Error;
-use crate::geometry::{Bearing, Pose, signed_angle};
+use crate::geometry::{Pose, signed_angle};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
 use nalgebra::Point2;
-
-/// One bearing from a view to a landmark.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct Sighting {
-    /// Index of the view.
-    pub view: usize,
-    /// Index of the landmark.
-    pub landmark: usize,
-    /// Angle from the heading of the view, counter-clockwise \[rad\].
-    pub bearing: f64,
-    /// Standard deviation of the bearing \[rad\]; 1 where only the relative weight matters.
-    pub sigma: f64,
-}
-
-/// A sighting as the problem keeps it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IndexedSighting {
-    /// Index of the view.
-    pub view: usize,
-    /// Index of the landmark.
-    pub landmark: usize,
-    /// The bearing as a unit vector.
-    pub bearing: Bearing<f64>,
-    /// One over the standard deviation.
-    pub weight: f64,
-}
 
 /// All that is known, checked once: sightings, sorted by view and then landmark, and what odometry and
 /// priors add to them.
@@ -65,34 +38,8 @@ impl Problem {
     /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
     /// twice.
     pub fn new(views: usize, landmarks: usize, sightings: &[Sighting]) -> Result<Self, Error> {
-        for (index, s) in sightings.iter().enumerate() {
-            for (what, value, bound) in
-                [("view", s.view, views), ("landmark", s.landmark, landmarks)]
-            {
-                if value >= bound {
-                    return Err(Error::OutOfRange {
-                        what,
-                        index,
-                        value,
-                        bound,
-                    });
-                }
-            }
-            for (what, value) in [("bearing", s.bearing), ("sigma", s.sigma)] {
-                if !value.is_finite() {
-                    return Err(Error::NotFinite { what, index });
-                }
-            }
-            let weight = 1.0 / s.sigma;
-            let square = weight * weight;
-            // Its square must be a number as well, or the cost is none.
-            if !(s.sigma > 0.0 && square > 0.0 && square.is_finite()) {
-                return Err(Error::NotPositive {
-                    what: "sigma",
-                    index,
-                    value: s.sigma,
-                });
-            }
+        for (index, sighting) in sightings.iter().enumerate() {
+            sighting.check(index, views, landmarks)?;
         }
         let mut input: Vec<usize> = (0..sightings.len()).collect();
         input.sort_by_key(|&k| (sightings[k].view, sightings[k].landmark));
@@ -107,18 +54,7 @@ impl Problem {
                 });
             }
         }
-        let seen = input
-            .iter()
-            .map(|&k| {
-                let s = &sightings[k];
-                IndexedSighting {
-                    view: s.view,
-                    landmark: s.landmark,
-                    bearing: Bearing::new(s.bearing),
-                    weight: 1.0 / s.sigma,
-                }
-            })
-            .collect();
+        let seen = input.iter().map(|&k| sightings[k].indexed()).collect();
         Ok(Self::index(views, landmarks, seen, input))
     }
 
@@ -144,7 +80,7 @@ impl Problem {
         let sightings: Vec<_> = bearings
             .iter()
             .enumerate()
-            .filter(|(_, bearing)| !is_nan(**bearing))
+            .filter(|(_, bearing)| !bearing.is_nan())
             .map(|(k, &bearing)| Sighting {
                 view: k / landmarks,
                 landmark: k % landmarks,
@@ -446,9 +382,4 @@ fn check_pose(what: &'static str, index: usize, pose: &Pose<f64>) -> Result<(), 
         return Ok(());
     }
     Err(Error::NotFinite { what, index })
-}
-
-#[inline]
-pub(crate) fn is_nan(value: f64) -> bool {
-    value.partial_cmp(&value).is_none()
 }

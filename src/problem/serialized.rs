@@ -9,7 +9,8 @@
 use super::map::Map;
 use super::noise::Noise;
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
-use super::problem::{Problem, Sighting};
+use super::problem::Problem;
+use super::sighting::Sighting;
 use crate::geometry::{pose, xytheta};
 use alloc::vec::Vec;
 use nalgebra::{Point2, SMatrix};
