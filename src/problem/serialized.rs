@@ -7,7 +7,8 @@
 //! JSON knows nothing, are written as `None`.
 
 use super::map::Map;
-use super::priors::{LandmarkPrior, Noise, Odometry, PosePrior, Tie};
+use super::noise::Noise;
+use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::problem::{Problem, Sighting};
 use crate::geometry::{pose, xytheta};
 use alloc::vec::Vec;
@@ -56,9 +57,9 @@ impl Serialize for Problem {
             pose_priors: Vec::new(),
             landmark_priors: Vec::new(),
         };
-        for tie in self.ties() {
-            match *tie {
-                Tie::Motion {
+        for prior in self.priors() {
+            match *prior {
+                Prior::Motion {
                     start,
                     end,
                     delta,
@@ -69,12 +70,12 @@ impl Serialize for Problem {
                     delta,
                     noise: noise(root),
                 }),
-                Tie::Pose { view, pose, root } => given.pose_priors.push(PosePrior {
+                Prior::Pose { view, pose, root } => given.pose_priors.push(PosePrior {
                     view,
                     pose,
                     noise: noise(root),
                 }),
-                Tie::Landmark {
+                Prior::Landmark {
                     landmark,
                     position,
                     root,
