@@ -7,7 +7,7 @@
 Every window is solved by squares, with Huber's loss, and with robust=True, from the folder as it is: wrong identities
 and gross outliers are in it, and nobody says which. Robots do not see each other here, and no frame joins them but the
 landmarks. Errors are root mean squares over the landmarks after the similarity that fits them best, as shares of the
-root-mean-square distance of the surveyed ones from their mean; "predicted" is what the covariance lets expect (frame
+root-mean-square distance of the surveyed ones from their mean; "predicted" is what the covariance predicts (frame
 "free_network"). Bearings are checked against motion capture: "wrong" ones miss it by more than 5 degrees. With --output
 the robust maps are drawn over the truth by `bearslam solve`, with --gtsam GTSAM goes on from the squares' map.
 """
@@ -45,7 +45,7 @@ def share(landmarks: Array, truth: Array) -> float:
 
 
 def predicted(again: bearslam.Reconstruction) -> float:
-    """What the covariance lets expect of that."""
+    """What the covariance predicts of that."""
     assert again.landmark_covariance is not None
     radius = ((again.landmarks - again.landmarks.mean(axis=0)) ** 2).sum(axis=1).mean()
     return float(np.sqrt(np.trace(again.landmark_covariance, axis1=1, axis2=2).mean() / radius))

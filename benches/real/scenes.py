@@ -5,7 +5,7 @@
     python benches/real/scenes.py FILE.npz... --sigma-deg 0.14 [--all]
 
 FILE is a NumPy archive with the arrays NAME_view_index, NAME_landmark_index, NAME_bearing [rad], NAME_true_poses,
-NAME_true_landmarks and NAME_crlb (the landmark error that the truth lets expect) of every scene NAME. Every scene is
+NAME_true_landmarks and NAME_crlb (the landmark error predicted at the truth) of every scene NAME. Every scene is
 written to a CSV file, read back, and solved from its bearings. The oracle is `refine`, started at the truth. "Same" is
 a cost within 1e-5 of the oracle's, "lower" a better map than the one next to the truth, "higher" a failure; a star
 stands for another number of undetermined landmarks. Errors are root mean squares over the landmarks after the
