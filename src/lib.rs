@@ -111,7 +111,8 @@ pub use scalar::Real;
 pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
 #[cfg(feature = "rayon")]
 pub use sweep::{
-    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, Tally, Trial, TrialOutcome, sweep,
+    BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, SweepTrial, Tally, TrialOutcome,
+    sweep,
 };
 #[cfg(feature = "alloc")]
 pub use uncertainty::{Covariance, Fix, Frame, covariance};

@@ -5,7 +5,7 @@ mod tally;
 mod trial;
 
 pub use tally::{BINS_PER_OCTAVE, Histogram, Quantity, Tally};
-pub use trial::{Start, Trial, TrialOutcome};
+pub use trial::{Start, SweepTrial, TrialOutcome};
 
 use crate::error::Error;
 use crate::simulate::Layout;
@@ -115,7 +115,7 @@ const LOOK: Duration = Duration::from_millis(50);
 fn run(chunk: &Chunk, starts: &[Start], seed: u64, stop: &AtomicBool) -> Result<Vec<Tally>, Error> {
     let mut tallies = vec![Tally::default(); starts.len()];
     for number in chunk.trials.clone() {
-        let trial = Trial::run(&chunk.cell, starts, seed, number, &mut |_, _, _| {
+        let trial = SweepTrial::run(&chunk.cell, starts, seed, number, &mut |_, _, _| {
             !stop.load(Ordering::Relaxed)
         })?;
         for (tally, outcome) in tallies.iter_mut().zip(&trial.outcomes) {

@@ -7,14 +7,14 @@ use crate::lm::ZERO_PIVOT_EPS;
 
 /// A block that is eliminated: its damped normal matrix, factorised, and its gradient.
 #[derive(Clone, Copy)]
-pub struct Block<const E: usize> {
+pub struct EliminatedBlock<const E: usize> {
     /// Its Cholesky factor L, diagonal inverted.
     factor: [[f64; E]; E],
     /// `L^-1` times its gradient.
     pub residual: [f64; E],
 }
 
-impl<const E: usize> Block<E> {
+impl<const E: usize> EliminatedBlock<E> {
     /// The block of some sightings, each its derivative and residual; `None` when it is not finite.
     #[inline]
     pub fn of_rows(rows: impl Iterator<Item = ([f64; E], f64)>, damping: f64) -> Option<Self> {

@@ -48,7 +48,7 @@ pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, 
 
 /// Where the parameters of a landmark begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Column {
+enum NewtonColumn {
     /// Two coordinates of its own.
     Point(usize),
     /// Those of the view that it is on.
@@ -64,7 +64,7 @@ struct Newton<'a> {
     problem: &'a Problem,
     boundaries: Boundaries<'a>,
     /// Of each landmark.
-    columns: Vec<Column>,
+    columns: Vec<NewtonColumn>,
     /// `J^T J`, with a stiffness along the gauge.
     normal: Vec<f64>,
     /// The same with the second derivatives of the residuals.
@@ -98,9 +98,11 @@ impl<'a> Newton<'a> {
         self.columns.clear();
         for landmark in 0..self.problem.landmarks() {
             let (column, width) = match self.boundaries.of_landmark(landmark) {
-                Some(Boundary::View(k)) => (Column::View(3 * self.problem.sightings()[k].view), 0),
-                Some(Boundary::Infinity(_)) => (Column::Direction(count), 1),
-                None => (Column::Point(count), 2),
+                Some(Boundary::View(k)) => {
+                    (NewtonColumn::View(3 * self.problem.sightings()[k].view), 0)
+                }
+                Some(Boundary::Infinity(_)) => (NewtonColumn::Direction(count), 1),
+                None => (NewtonColumn::Point(count), 2),
             };
             self.columns.push(column);
             count += width;
@@ -127,9 +129,9 @@ impl<'a> Newton<'a> {
             let cross = bend * -2.0 * gx * gy;
             let square = bend * (gx * gx - gy * gy);
             let (x, last, width) = match self.columns[s.landmark] {
-                Column::View(place) if place == p => continue,
-                Column::View(place) | Column::Point(place) => (place, [gx, gy], 5),
-                Column::Direction(place) => (place, [row.weight, 0.0], 4),
+                NewtonColumn::View(place) if place == p => continue,
+                NewtonColumn::View(place) | NewtonColumn::Point(place) => (place, [gx, gy], 5),
+                NewtonColumn::Direction(place) => (place, [row.weight, 0.0], 4),
             };
             let places = [p, p + 1, p + 2, x, x + 1];
             let derivative = [-gx, -gy, -row.weight, last[0], last[1]];
@@ -192,7 +194,7 @@ impl<'a> Newton<'a> {
             add(3 * view, &pose.translation.vector);
         }
         for (column, point) in self.columns.iter().zip(&bundle.landmarks) {
-            if let Column::Point(place) = *column {
+            if let NewtonColumn::Point(place) = *column {
                 add(place, &point.coords);
             }
         }
@@ -200,7 +202,7 @@ impl<'a> Newton<'a> {
             directions[2][3 * view + 2] = 1.0;
         }
         for column in &self.columns {
-            if let Column::Direction(place) = *column {
+            if let NewtonColumn::Direction(place) = *column {
                 directions[2][place] = 1.0;
             }
         }
@@ -246,8 +248,8 @@ impl<'a> Newton<'a> {
             .iter()
             .zip(&bundle.landmarks)
             .map(|(column, point)| match *column {
-                Column::Point(place) | Column::View(place) => pair(place),
-                Column::Direction(place) => {
+                NewtonColumn::Point(place) | NewtonColumn::View(place) => pair(place),
+                NewtonColumn::Direction(place) => {
                     UnitComplex::new(delta[place]) * point.coords - point.coords
                 }
             })
@@ -273,7 +275,7 @@ impl StepSolver for Newton<'_> {
     }
 
     fn moves_landmark(&self, landmark: usize) -> bool {
-        matches!(self.columns[landmark], Column::Point(_))
+        matches!(self.columns[landmark], NewtonColumn::Point(_))
     }
 
     fn keeps_refused_damping(&self) -> bool {
@@ -335,11 +337,11 @@ mod tests {
                 .sightings
                 .iter()
                 .zip(problem.sightings())
-                .filter(|(_, s)| newton.columns[s.landmark] != Column::View(3 * s.view))
+                .filter(|(_, s)| newton.columns[s.landmark] != NewtonColumn::View(3 * s.view))
                 .map(|(row, s)| {
                     let square = row.gradient.norm_squared();
                     let last = match newton.columns[s.landmark] {
-                        Column::Direction(_) => row.weight * row.weight,
+                        NewtonColumn::Direction(_) => row.weight * row.weight,
                         _ => square,
                     };
                     square + row.weight * row.weight + last

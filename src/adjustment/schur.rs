@@ -5,7 +5,7 @@
 //! blocks) can be eliminated one by one, whichever leaves the smaller system. The text is the same:
 //! `E` is the size of the blocks that go, `K` that of the blocks that stay.
 
-use super::block::{Block, dot};
+use super::block::{EliminatedBlock, dot};
 use super::cholesky;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, SVector};
@@ -53,7 +53,7 @@ pub struct Schur<const E: usize, const K: usize> {
     /// The blocks on the diagonal of what stays, before elimination and damping.
     diagonal: Vec<[[f64; K]; K]>,
     /// Factors of the blocks that went.
-    blocks: Vec<Block<E>>,
+    blocks: Vec<EliminatedBlock<E>>,
     /// The sightings of the group at work, each with `L^-1 gone`: for groups that see little.
     slots: Vec<(Slot<E, K>, [f64; E])>,
     /// Of some groups: `L^-1 gone` times `stay`, a column per parameter that stays, `E` rows per group.
@@ -127,7 +127,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         self.batched = 0;
         for group in 0..grouped.groups() {
             let rows = grouped.group(group).map(|slot| (slot.gone, slot.residual));
-            let Some(block) = Block::of_rows(rows, damping) else {
+            let Some(block) = EliminatedBlock::of_rows(rows, damping) else {
                 return false;
             };
             if dense {
@@ -177,7 +177,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
     }
 
     /// The blocks that went, factorised.
-    pub fn blocks(&self) -> &[Block<E>] {
+    pub fn blocks(&self) -> &[EliminatedBlock<E>] {
         &self.blocks
     }
 
@@ -188,7 +188,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
 
     /// Adds a sighting to the reduced gradient and to the diagonal block of what stays, without the coupling.
     #[inline]
-    fn add(&mut self, slot: &Slot<E, K>, block: &Block<E>, whitened: &[f64; E]) {
+    fn add(&mut self, slot: &Slot<E, K>, block: &EliminatedBlock<E>, whitened: &[f64; E]) {
         let left = slot.residual - dot(whitened, &block.residual);
         let step = &mut self.step[slot.kept * K..slot.kept * K + K];
         let diagonal = &mut self.diagonal[slot.kept];
@@ -201,7 +201,12 @@ impl<const E: usize, const K: usize> Schur<E, K> {
     }
 
     /// Takes a group out and puts its coupling into the batch; `clear` when groups may leave gaps.
-    fn collect(&mut self, block: &Block<E>, group: impl Iterator<Item = Slot<E, K>>, clear: bool) {
+    fn collect(
+        &mut self,
+        block: &EliminatedBlock<E>,
+        group: impl Iterator<Item = Slot<E, K>>,
+        clear: bool,
+    ) {
         if clear && self.batched == 0 {
             self.batch.as_mut_slice().fill(0.0);
             self.transposed.as_mut_slice().fill(0.0);
@@ -240,7 +245,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
     }
 
     /// Takes a group out block by block: for groups that see little.
-    fn scatter(&mut self, block: &Block<E>, group: impl Iterator<Item = Slot<E, K>>) {
+    fn scatter(&mut self, block: &EliminatedBlock<E>, group: impl Iterator<Item = Slot<E, K>>) {
         self.slots.clear();
         for slot in group {
             let whitened = block.forward(slot.gone);

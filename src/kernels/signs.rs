@@ -35,7 +35,7 @@ pub(super) fn resolve_signs<T: Real>(
         core::array::from_fn(|k| ComplexLanes::new([one.headings[k], other.headings[k]]));
     let positions: [_; 2] =
         core::array::from_fn(|k| ComplexLanes::new([one.positions[k], other.positions[k]]));
-    let mut tallies = [Tally::new(); 3];
+    let mut tallies = [SignTally::new(); 3];
     let mut unmet = [0_usize; 2];
     for (index, [u, v, w]) in triples.iter().enumerate() {
         let rays = [
@@ -179,7 +179,7 @@ impl<T: Real> LineMotion<T> {
 
 /// Sightings of one view in two motions, by their sign.
 #[derive(Clone, Copy)]
-struct Tally<T> {
+struct SignTally<T> {
     /// How many point away from their landmark; a number of the same kind as the others, to share
     /// their lanes.
     away: Lanes<T>,
@@ -190,7 +190,7 @@ struct Tally<T> {
     sum_away: Lanes<T>,
 }
 
-impl<T: Real> Tally<T> {
+impl<T: Real> SignTally<T> {
     fn new() -> Self {
         let zero = Lanes([T::zero(); 2]);
         Self {

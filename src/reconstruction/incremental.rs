@@ -10,7 +10,7 @@ mod place;
 mod seeds;
 
 use super::incremental::complete::finish;
-use super::incremental::growth::Growth;
+use super::incremental::growth::IncrementalGrowth;
 use super::incremental::merge::{best, merge, views};
 use super::incremental::options::IncrementalOptions;
 use super::judge::{SAME_COST, is_as_good, is_plausible, same, variance};
@@ -176,7 +176,7 @@ fn from_seed(
 ) -> Result<Vec<Map>, Error> {
     let mut growths = Vec::new();
     for map in seeds::begin(problem, views) {
-        if let Some(mut growth) = Growth::new(problem, options, free, map)? {
+        if let Some(mut growth) = IncrementalGrowth::new(problem, options, free, map)? {
             growth.grow(options.views_before_choice, progress)?;
             let noise = growth.noise();
             let variance = noise * noise;

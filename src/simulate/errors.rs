@@ -69,11 +69,11 @@ impl Scene {
             landmarks.filter_map(|(truth, found)| Some((*truth, wide(&found.as_ref()?.coords))));
         let (truth, found): (Vec<_>, Vec<_>) = views.chain(landmarks).unzip();
         let similarity = align(&found, &truth)?;
-        let mut positions = Tally::default();
+        let mut positions = ErrorSums::default();
         for (truth, found) in truth.iter().zip(&found) {
             positions.add((similarity.transform_point(found) - truth).norm());
         }
-        let mut headings = Tally::default();
+        let mut headings = ErrorSums::default();
         for (truth, found) in self.poses.iter().zip(&map.poses) {
             if let Some(found) = found {
                 let rotation = found.rotation.into_inner();
@@ -96,13 +96,13 @@ impl Scene {
 
 /// Sizes, summed up.
 #[derive(Default)]
-struct Tally {
+struct ErrorSums {
     count: f64,
     squares: f64,
     largest: f64,
 }
 
-impl Tally {
+impl ErrorSums {
     fn add(&mut self, size: f64) {
         self.count += 1.0;
         self.squares += size * size;

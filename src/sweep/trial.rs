@@ -67,7 +67,7 @@ pub struct TrialOutcome {
 
 /// One scene and what came of each start.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trial {
+pub struct SweepTrial {
     /// One for every start, in their order.
     pub outcomes: Vec<TrialOutcome>,
     /// The cost of the refinement that starts at the truth.
@@ -113,7 +113,7 @@ fn mix(word: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-impl Trial {
+impl SweepTrial {
     /// Draws the scene of a trial, solves it from each start, and judges.
     ///
     /// # Errors

@@ -177,9 +177,9 @@ mod tests {
     const SIGMA: f64 = 0.003;
 
     /// Bearings, each with what is known at its other end.
-    type IndexedSighting<T> = Vec<(T, Bearing<f64>)>;
+    type Bearings<T> = Vec<(T, Bearing<f64>)>;
 
-    fn rays() -> (Point2<f64>, IndexedSighting<Pose<f64>>) {
+    fn rays() -> (Point2<f64>, Bearings<Pose<f64>>) {
         let point = Point2::new(103.0, -48.5);
         let poses = [
             pose(101.0, -50.0, 0.4),
@@ -191,7 +191,7 @@ mod tests {
         (point, seen.to_vec())
     }
 
-    fn sightings() -> (Pose<f64>, IndexedSighting<Point2<f64>>) {
+    fn sightings() -> (Pose<f64>, Bearings<Point2<f64>>) {
         let truth = pose(31.0, 12.0, 2.5);
         let points = [
             Point2::new(33.0, 15.0),
@@ -204,7 +204,7 @@ mod tests {
         (truth, seen.to_vec())
     }
 
-    fn turned<T: Clone>(seen: &[(T, Bearing<f64>)], k: usize, by: f64) -> IndexedSighting<T> {
+    fn turned<T: Clone>(seen: &[(T, Bearing<f64>)], k: usize, by: f64) -> Bearings<T> {
         let mut seen = seen.to_vec();
         seen[k].1 *= Bearing::new(by);
         seen

@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, problem, scene};
 use bearslam::{
-    Cell, Chunk, Error, Layout, Quantity, RefineOptions, SearchOptions, SolveOptions, Start, Tally,
-    Trial, TrialOutcome, refine, simulate, solve, sweep,
+    Cell, Chunk, Error, Layout, Quantity, RefineOptions, SearchOptions, SolveOptions, Start,
+    SweepTrial, Tally, TrialOutcome, refine, simulate, solve, sweep,
 };
 
 fn cell(layout: Layout, views: usize, landmarks: usize, noise_deg: f64) -> Cell {
@@ -87,7 +87,7 @@ fn a_sweep_stops_when_told_to() {
 #[test]
 fn a_trial_can_be_drawn_again() {
     let cell = cell(Layout::Mixed, 5, 9, 0.5);
-    let trial = Trial::run(&cell, &[Start::Solve], 7, 3, &mut |_, _, _| true).unwrap();
+    let trial = SweepTrial::run(&cell, &[Start::Solve], 7, 3, &mut |_, _, _| true).unwrap();
     let again = simulate(
         cell.layout,
         cell.views,
@@ -110,7 +110,7 @@ fn a_trial_can_be_drawn_again() {
 fn a_start_without_a_map_has_failed() {
     // The paper's tensor needs seven landmarks.
     let cell = cell(Layout::Mixed, 4, 6, 0.5);
-    let trial = Trial::run(&cell, &[Start::Projective], 0, 0, &mut |_, _, _| true).unwrap();
+    let trial = SweepTrial::run(&cell, &[Start::Projective], 0, 0, &mut |_, _, _| true).unwrap();
     let TrialOutcome { failed, errors, .. } = &trial.outcomes[0];
     assert!(*failed && errors.is_none());
     let mut tally = Tally::default();

@@ -33,7 +33,7 @@ impl Default for PositionOptions {
 }
 
 /// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
-struct Ray {
+struct DirectedRay {
     view: usize,
     along: Vector2<f64>,
     weight: f64,
@@ -41,7 +41,7 @@ struct Ray {
     sharpness: f64,
 }
 
-impl Ray {
+impl DirectedRay {
     /// The direction at right angles to it, times the weight.
     fn row(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x) * self.weight
@@ -49,13 +49,13 @@ impl Ray {
 }
 
 /// The rays of one landmark.
-struct Bundle {
+struct RayBundle {
     landmark: usize,
-    rays: Vec<Ray>,
+    rays: Vec<DirectedRay>,
     point: Vector2<f64>,
 }
 
-impl Bundle {
+impl RayBundle {
     /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
     fn inverse(&self) -> Option<Matrix2<f64>> {
         let mut information = Matrix2::zeros();
@@ -84,19 +84,19 @@ pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option
             views.push(view);
         }
     }
-    let mut bundles: Vec<Bundle> = (0..problem.landmarks())
+    let mut bundles: Vec<RayBundle> = (0..problem.landmarks())
         .map(|landmark| {
             let rays = problem.of_landmark(landmark).iter().filter_map(|&k| {
                 let s = &problem.sightings()[k];
                 let ray = (headings[s.view]? * s.bearing).into_inner();
-                Some(Ray {
+                Some(DirectedRay {
                     view: slot[s.view],
                     along: Vector2::new(ray.re, ray.im),
                     weight: s.weight,
                     sharpness: s.weight,
                 })
             });
-            Bundle {
+            RayBundle {
                 landmark,
                 rays: rays.collect(),
                 point: Vector2::zeros(),
@@ -125,7 +125,7 @@ pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option
 /// Solves the system with the weights as they are; sets the landmarks.
 fn round(
     views: usize,
-    bundles: &mut Vec<Bundle>,
+    bundles: &mut Vec<RayBundle>,
     start: Option<DVector<f64>>,
 ) -> Option<DVector<f64>> {
     let mut matrix = DMatrix::zeros(2 * views, 2 * views);
@@ -198,8 +198,9 @@ fn round(
 }
 
 /// Divides the rows by the ranges that have been found.
-fn reweight(bundles: &mut [Bundle], positions: &DVector<f64>) {
-    let range = |bundle: &Bundle, ray: &Ray| (bundle.point - at(positions, ray.view)).norm();
+fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>) {
+    let range =
+        |bundle: &RayBundle, ray: &DirectedRay| (bundle.point - at(positions, ray.view)).norm();
     let mut ranges: Vec<f64> = bundles
         .iter()
         .flat_map(|bundle| bundle.rays.iter().map(move |ray| range(bundle, ray)))

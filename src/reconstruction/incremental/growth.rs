@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 use nalgebra::Point2;
 
 /// A map that grows.
-pub struct Growth<'a> {
+pub struct IncrementalGrowth<'a> {
     problem: &'a Problem,
     options: &'a IncrementalOptions,
     /// Views that may be added.
@@ -35,7 +35,7 @@ pub struct Growth<'a> {
     level: usize,
 }
 
-impl<'a> Growth<'a> {
+impl<'a> IncrementalGrowth<'a> {
     /// From poses without landmarks; `None` when the landmarks that they see cannot be refined with
     /// them.
     ///
@@ -76,7 +76,7 @@ impl<'a> Growth<'a> {
     /// Grows until the map has `enough` views or nothing more can be reached.
     ///
     /// # Errors
-    /// As [`Growth::new`].
+    /// As [`IncrementalGrowth::new`].
     pub fn grow(
         &mut self,
         enough: usize,

@@ -8,7 +8,7 @@
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
-use super::super::robust::motions::{Motion, Motions};
+use super::super::robust::motions::{Motions, OdometryLink};
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::lm::RefineOptions;
@@ -56,7 +56,7 @@ pub trait Placement {
     fn next_refinement(&self, count: usize) -> usize;
 
     /// The pose at the end of a motion, given that at its start.
-    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64>;
+    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64>;
 
     /// Places new landmarks that a view sees, unless they wait for the next refinement.
     fn place_landmarks_of(&mut self, _map: &mut Map, _view: usize) {}
@@ -103,7 +103,7 @@ pub fn grow_along_odometry(
     options: &GrowthOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    let mut growth = Growth {
+    let mut growth = OdometryGrowth {
         problem,
         motions: Motions::new(problem),
         placement,
@@ -135,7 +135,7 @@ pub fn grow_along_odometry(
 }
 
 /// A growth under way.
-struct Growth<'a, 'p, P> {
+struct OdometryGrowth<'a, 'p, P> {
     problem: &'a Problem,
     motions: Motions,
     placement: &'a mut P,
@@ -143,7 +143,7 @@ struct Growth<'a, 'p, P> {
     progress: &'a mut Option<Progress<'p>>,
 }
 
-impl<P: Placement> Growth<'_, '_, P> {
+impl<P: Placement> OdometryGrowth<'_, '_, P> {
     /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.
     fn extend(&mut self, map: &mut Map) -> Result<(), Error> {
         let mut waiting: VecDeque<usize> = (0..map.poses.len())

@@ -2,7 +2,7 @@
 //! Growth along odometry by least squares: motions as they are, rays triangulated, priors where there are any.
 
 use super::super::grow::{grow, resect_view};
-use super::super::robust::motions::Motion;
+use super::super::robust::motions::OdometryLink;
 use super::growth::{GrowthOptions, Placement, Shared, laid_over};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -115,7 +115,7 @@ impl Placement for LeastSquaresPlacement<'_> {
         count + (count / part).clamp(shortest, longest)
     }
 
-    fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
+    fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64> {
         from * motion.delta
     }
 

@@ -9,7 +9,7 @@ use super::super::grow::score;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::expand::extend;
-use super::super::robust::motions::{Motion, moved};
+use super::super::robust::motions::{OdometryLink, moved};
 use super::super::robust::options::RobustOptions;
 use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
@@ -122,7 +122,7 @@ impl Placement for RobustPlacement<'_> {
         count + count / self.options.part + 1
     }
 
-    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &Motion) -> Pose<f64> {
+    fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64> {
         moved(self.problem, map, from, motion, self.robust.motion_steps)
     }
 

@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
 /// A motion from a view, as the pose of its other end in its frame.
-pub struct Motion {
+pub struct OdometryLink {
     pub end: usize,
     pub delta: Pose<f64>,
     /// The root of the information, in the frame of `end` if that is where it was measured.
@@ -19,12 +19,12 @@ pub struct Motion {
 
 /// The motions of each view.
 pub struct Motions {
-    of: Vec<Vec<Motion>>,
+    of: Vec<Vec<OdometryLink>>,
 }
 
 impl Motions {
     pub fn new(problem: &Problem) -> Self {
-        let mut of: Vec<Vec<Motion>> = (0..problem.views()).map(|_| Vec::new()).collect();
+        let mut of: Vec<Vec<OdometryLink>> = (0..problem.views()).map(|_| Vec::new()).collect();
         for prior in problem.priors() {
             let Prior::Motion {
                 start,
@@ -40,7 +40,7 @@ impl Motions {
                 (*start, *end, *delta, true),
                 (*end, *start, delta.inverse(), false),
             ] {
-                of[from].push(Motion {
+                of[from].push(OdometryLink {
                     end,
                     delta,
                     root,
@@ -51,7 +51,7 @@ impl Motions {
         Self { of }
     }
 
-    pub fn of(&self, view: usize) -> &[Motion] {
+    pub fn of(&self, view: usize) -> &[OdometryLink] {
         &self.of[view]
     }
 
@@ -91,7 +91,7 @@ pub fn moved(
     problem: &Problem,
     map: &Map,
     from: &Pose<f64>,
-    motion: &Motion,
+    motion: &OdometryLink,
     steps: usize,
 ) -> Pose<f64> {
     let predicted = from * motion.delta;

@@ -59,7 +59,7 @@ pub struct Hypotheses {
 }
 
 /// Maps with their scores.
-type Scored = Vec<(f64, Hypothesis)>;
+type ScoredHypotheses = Vec<(f64, Hypothesis)>;
 
 /// Maps grown from many triples of views, the best score first.
 pub fn search(
@@ -102,7 +102,7 @@ pub fn search(
         }
     }
     seeds.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut scored: Scored = Vec::new();
+    let mut scored: ScoredHypotheses = Vec::new();
     let total = seeds.len().min(search.grown);
     for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
         if !report_progress(progress, "grow", triple, total) {
@@ -173,7 +173,7 @@ fn sweep(
     triples: &[[usize; 3]],
     circle: Circle,
     progress: &mut Option<Progress<'_>>,
-) -> Result<Scored, Error> {
+) -> Result<ScoredHypotheses, Error> {
     let mut scored = Vec::new();
     for (triple, &views) in triples.iter().enumerate() {
         if !report_progress(progress, "search", triple, triples.len()) {
@@ -186,7 +186,7 @@ fn sweep(
 }
 
 /// Hypotheses by their scores, the best first.
-fn ranked(mut scored: Scored) -> Vec<Hypothesis> {
+fn ranked(mut scored: ScoredHypotheses) -> Vec<Hypothesis> {
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     scored.into_iter().map(|(_, found)| found).collect()
 }
@@ -213,7 +213,7 @@ pub fn too_few(problem: &Problem, needed: usize) -> Error {
 }
 
 /// The best of each cluster of maps, up to so many.
-fn distinct(scored: Scored) -> Vec<Hypothesis> {
+fn distinct(scored: ScoredHypotheses) -> Vec<Hypothesis> {
     let options = HypothesisOptions::default();
     let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
     for found in ranked(scored) {

@@ -32,7 +32,7 @@ impl Circle {
 }
 
 /// A map and its score.
-pub type Scored = (f64, Map);
+pub type ScoredMap = (f64, Map);
 
 /// Maps from places on the circle of tensors `cos f Ta + sin f Tb` of a triple of views, (T17): the local
 /// minima of the score along the circle.
@@ -41,11 +41,11 @@ pub type Scored = (f64, Map);
 /// null space for four landmarks, its weakest directions for more. The negative of a tensor is the same
 /// tensor, so a half circle is enough. For each f the motion is closed form; growing the map to the
 /// other views scores it.
-pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<Scored> {
+pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<ScoredMap> {
     let (triples, _) = common_bearings(problem, views);
     let basis = CalibratedTensor::null_pair(&triples);
     // One tensor after the other along the circle, both branches of each.
-    let mut scored: [Vec<Scored>; 2] = [Vec::new(), Vec::new()];
+    let mut scored: [Vec<ScoredMap>; 2] = [Vec::new(), Vec::new()];
     for place in 0..circle.places {
         let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
         let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
