@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.cli import main as bearslam_command
+from bearslam.cli.main import main as bearslam_command
 from bearslam.data.align import wrap
 from bearslam.data.maps import Map
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bearslam
-from bearslam.cli import main as bearslam_command
+from bearslam.cli.main import main as bearslam_command
 from bearslam.data.align import wrap
 
 Array = NDArray[np.float64]

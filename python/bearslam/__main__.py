@@ -3,7 +3,7 @@
 
 import sys
 
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam.cli import main
+from bearslam.cli.main import main
 from bearslam.cli.report import describe
 from bearslam.cli.warnings import residuals_over_sigma
 from bearslam.progress import ProgressLine
@@ -224,7 +224,7 @@ def test_a_folder_that_cannot_be_written_to(scene, tmp_path, capsys):
 
 LOADED = """\
 import signal, sys
-import bearslam.cli, bearslam.cli.input
+import bearslam.cli.input, bearslam.cli.main
 
 # Where the tests run in the background the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -235,7 +235,7 @@ def load(path, load=bearslam.cli.input.load, **options):
     return problem
 
 bearslam.cli.input.load = load
-sys.exit(bearslam.cli.main(sys.argv[1:]))
+sys.exit(bearslam.cli.main.main(sys.argv[1:]))
 """
 
 

@@ -13,7 +13,7 @@ from hypothesis import given
 
 import bearslam
 from bearslam import InvalidInputError, Problem, Sightings
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 from .test_cli import complaint, run
 from .test_g2o import assert_same, problems

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 EXPECTED = {
     "two views": "two_views",

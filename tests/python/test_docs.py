@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import bearslam
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 FLAGS = doctest.ELLIPSIS | doctest.FAIL_FAST
 REPOSITORY = Path(__file__).parents[2]

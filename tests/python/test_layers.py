@@ -39,7 +39,7 @@ ORDER = """
 """From the bottom up: a module may import only those that stand before it."""
 OPTIONAL = {"dask", "gtsam", "matplotlib", "pandas", "rerun", "tqdm", "xarray"}
 """Packages that only those who use them need: what imports them may be imported inside functions."""
-ROOT = {"", "__main__", "cli"}
+ROOT = {"", "__main__"}
 """They re-export what stands below and are imported by none of it."""
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError
-from bearslam.cli import main
+from bearslam.cli.main import main
 from bearslam.data.maps import compare
 from bearslam.io.mrclam import OdometryNoise, read
 

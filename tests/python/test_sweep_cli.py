@@ -13,7 +13,7 @@ import pytest
 
 import bearslam
 from bearslam import SweepResult
-from bearslam.cli import main
+from bearslam.cli.main import main
 from bearslam.cli.sweep import _pool
 
 SMALL = ["sweep", "mixed", "--views", "4", "6", "--landmarks", "7", "--noise-deg", "0.1", "0.5", "--trials", "10"]
@@ -103,7 +103,7 @@ if __name__ == "__main__":
     # Where the tests run in the background the signal is ignored from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     bearslam.cli.sweep.sweep = sweep
-    sys.exit(bearslam.cli.main(sys.argv[1:]))
+    sys.exit(bearslam.cli.main.main(sys.argv[1:]))
 """
 
 

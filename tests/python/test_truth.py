@@ -10,7 +10,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError, load_truth
-from bearslam.cli import main
+from bearslam.cli.main import main
 from bearslam.data.maps import compare
 from bearslam.io.files import save_truth
 

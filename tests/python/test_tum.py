@@ -6,7 +6,7 @@ import pytest
 
 import bearslam
 from bearslam import InvalidInputError
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 NOISE = np.radians(0.5)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bearslam
-from bearslam.cli import main
+from bearslam.cli.main import main
 
 FLIP = [1.0, -1.0]
 SCENE = bearslam.simulate("trajectory", 12, 20, noise=0.003, seed=2, sight=4.0)
