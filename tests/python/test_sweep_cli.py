@@ -93,7 +93,7 @@ def test_processes_find_the_same(tmp_path, expected):
 
 GOING = """\
 import signal, sys
-import bearslam.cli, bearslam.cli.sweep
+import bearslam.cli.main, bearslam.cli.sweep
 
 def sweep(*arguments, sweep=bearslam.cli.sweep.sweep, **options):
     options["progress"] = lambda stage, done, total: print("going", flush=True) if done < 20 else None
