@@ -33,9 +33,9 @@ class DegenerateError(BearslamError, ArithmeticError):
     kind : str
         Name of the degeneracy, for programs: ``"parallel_rays"``, for example, or ``"coincident_views"``.
     value : float
-        What the number came to that was tested; the message says which.
+        Value of the number that was tested; the message says which.
     bound : float
-        The bound that it would have had to reach.
+        The bound that it had to reach.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class DegenerateError(BearslamError, ArithmeticError):
 
 
 class ExecutorError(BearslamError, RuntimeError):
-    """An executor that accepts no more work, or keeps failing at the same piece.
+    """An executor accepts no more work, or keeps failing at the same piece.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from typing import Self, TextIO, TypeAlias
 __all__ = ["Progress", "ProgressLine", "reporting"]
 
 Progress: TypeAlias = Callable[[str, int, int], object]
-"""Called with the stage, the steps done and the steps in all."""
+"""Called with the stage, the number of steps done and their total number."""
 
 
 @contextmanager

@@ -52,7 +52,7 @@ class Reconstruction(Estimate):
     components: tuple[Reconstruction, ...] = ()
 
     def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
-        """Draw the map: views as triangles that point where they head, landmarks, and the bearings as rays.
+        """Draw the map: views as triangles that point along their headings, landmarks, and the bearings as rays.
 
         Positions with covariances have ellipses that cover 95 % of a Gaussian distribution. Outliers among the bearings
         are dashed. More than 60 views joined by odometry are drawn as lines, one for each robot, with a triangle at
@@ -139,8 +139,8 @@ class Reconstruction(Estimate):
         outliers.
 
         - A sighting is a ``BearingFactor2D``. A bearing that is a line becomes the ray towards the landmark.
-        - A motion is a ``BetweenFactorPose2``. The wheels of GTSAM take the logarithm of its error, bearslam its x, y
-          and theta; the two agree to first order in theta.
+        - A motion is a ``BetweenFactorPose2``. The Python wheels of GTSAM take the logarithm of its error, bearslam its
+          x, y and theta; the two agree to first order in theta.
         - A prior on a pose is a ``PoseTranslationPrior2D`` and a ``PoseRotationPrior2D`` on the known coordinates, or
           with a covariance a ``PriorFactorPose2``, which agrees to first order. A prior on a landmark is a
           ``PriorFactorPoint2``.

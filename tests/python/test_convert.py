@@ -63,12 +63,12 @@ def test_the_format_that_is_given_counts(tmp_path):
         (
             "a.txt",
             b"1 2 3\n",
-            "{}: expected a header of CSV, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is",
+            "{}: expected a CSV header, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is",
         ),
         (
             "a.txt",
             b"",
-            "{}: expected a header of CSV, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of",
+            "{}: expected a CSV header, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of",
         ),
         ("a", b"1 2 3\n", "{}:1: expected a header of view, landmark, bearing"),
         ("a.g2o.gz", G2O, "{}: expected a whole gzip file: Not a gzipped file"),

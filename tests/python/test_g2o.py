@@ -248,7 +248,7 @@ BAD = [
     ),
     (
         SEEN + "EDGE_PRIOR_SE2 0 0 0 0 0 0 0 0 0 4\nEDGE_PRIOR_SE2 0 0 0 0 4 1 0 4 0 4\n",
-        "bad.g2o:2: a coordinate without information cannot be combined with priors with correlations",
+        "bad.g2o:2: a coordinate without information cannot be combined with correlated priors",
     ),
     (SEEN + "EDGE_PRIOR_XY 1 0 0 0 0 4\n", "bad.g2o:2: expected information above 0, got '0'"),
     (
@@ -275,7 +275,7 @@ BAD = [
     ),
     (
         "EDGE_PRIOR_SE2 0 0 0 0 4 0 0 4 0 4 # bearslam sigma 1 1 1\n",
-        "bad.g2o:1: expected the information that the comment of bearslam says, got other",
+        "bad.g2o:1: expected the information that the comment of bearslam states, got another",
     ),
     (
         "EDGE_SE2_XY 0 1 1 1 1 0 1 # bearslam covariance 1 1 1\n",

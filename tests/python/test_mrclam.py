@@ -114,7 +114,7 @@ def test_views_names_and_bearings(folder):
     ):
         assert angle == pytest.approx(bearing(truth.poses[view], truth.landmarks[landmark]), abs=1e-4)
     assert problem.sightings.sigma.tolist() == [np.radians(0.3)] * 144
-    assert problem.remarks == ("ranges left out: of what the cameras measured only bearings are used",)
+    assert problem.remarks == ("ranges left out: only the bearings of the cameras are used",)
 
 
 def test_odometry_is_that_of_the_true_motion(folder):
@@ -182,7 +182,7 @@ def test_robots_and_unknown_barcodes_are_counted(tmp_path):
     problem = read(write(tmp_path, insert(files(), "Robot1_Measurement.dat", *lines)))
     assert problem.remarks[:2] == (
         "2 sightings of other robots left out",
-        "1 sightings of barcodes that Barcodes.dat does not have left out",
+        "1 sightings of barcodes missing from Barcodes.dat left out",
     )
     assert len(problem.sightings) == 144
     assert len(problem.view_ids) == 24  # a robot alone makes no view
@@ -191,7 +191,7 @@ def test_robots_and_unknown_barcodes_are_counted(tmp_path):
 def test_the_first_of_two_sightings_counts(tmp_path):
     line = f"{T0 + 2.103:.3f} 63 1.0 -3.0"
     problem = read(write(tmp_path, insert(files(), "Robot1_Measurement.dat", line)))
-    assert problem.remarks[0] == "1 sightings left out of a landmark that the view has seen already"
+    assert problem.remarks[0] == "1 repeated sightings of a landmark in one view left out"
     assert -3.0 not in problem.sightings.bearing
     assert len(problem.sightings) == 144
 
@@ -200,7 +200,7 @@ def test_window(folder):
     assert len(bearslam.load(folder, window=0.0).view_ids) == 48  # the images are in two parts
     joined = bearslam.load(folder, window=1.01)
     assert len(joined.view_ids) == 12
-    assert "72 sightings left out of a landmark that the view has seen already" in joined.remarks
+    assert "72 repeated sightings of a landmark in one view left out" in joined.remarks
 
 
 def test_every(folder):
@@ -208,7 +208,7 @@ def test_every(folder):
     assert len(problem.view_ids) == 8
     assert problem.view_ids[1] == "1@1248446194.100"
     assert len(problem.sightings) == 48
-    assert problem.remarks[0] == "96 sightings left out of views less than 3 s after the one before"
+    assert problem.remarks[0] == "96 sightings of views less than 3 s after the previous one left out"
     assert len(problem.odometry) == 6
 
 
@@ -225,7 +225,7 @@ def test_no_motion_where_there_is_no_log(tmp_path):
     content["Robot1_Odometry.dat"] = "".join([*rows[:4], *rows[5:7]])  # from second 3.45 to 7.95
     problem = read(write(tmp_path, content), robots=[1])
     assert problem.odometry.start.tolist() == [3, 4, 5]
-    assert "8 motions left out where the odometry has not begun or has ended" in problem.remarks
+    assert "8 motions before the odometry log begins or after it ends left out" in problem.remarks
 
 
 def test_a_robot_that_is_seen_once_has_no_motion(folder):
@@ -259,7 +259,7 @@ def test_options_out_of_range(folder, options, message):
 def test_options_are_for_folders(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("view,landmark,bearing\na,b,1\n")
-    with pytest.raises(InvalidInputError, match="every: is for folders"):
+    with pytest.raises(InvalidInputError, match="every: applies to folders only"):
         bearslam.load(path, every=1.0)
 
 
@@ -350,9 +350,9 @@ def test_command_line(folder, capsys):
     out, err = capsys.readouterr()
     assert out.startswith("4 views, 6 landmarks, 24 sightings\n")
     assert "errors after alignment with the truth: 6 landmarks" in out
-    assert "note: 24 sightings left out of views less than 1.5 s after the one before" in err
+    assert "note: 24 sightings of views less than 1.5 s after the previous one left out" in err
     assert main(["solve", str(folder / "Barcodes.dat"), "--every", "1"]) == 1
-    assert "every: is for folders" in capsys.readouterr().err
+    assert "every: applies to folders only" in capsys.readouterr().err
 
 
 @real
@@ -361,7 +361,7 @@ def test_set_7_whole():
     assert len(problem.sightings) == 16067
     assert problem.remarks[:2] == (
         "4206 sightings of other robots left out",
-        "9 sightings of barcodes that Barcodes.dat does not have left out",
+        "9 sightings of barcodes missing from Barcodes.dat left out",
     )
     assert len(problem.odometry) == len(problem.view_ids) - 5
     truth = bearslam.load_truth(SHARED, problem)

@@ -103,7 +103,7 @@ def test_what_has_no_poses(tmp_path):
 def test_a_robot_is_for_trajectories(tmp_path):
     _, given = problem(["1@5", "1@4", "2@4", "2@3", "2@7", "10@1"], start=True)
     for what, name in ((given, "a.csv"), (bearslam.solve(given), "a.json")):
-        with pytest.raises(InvalidInputError, match=r"robot: is for a trajectory, a name that ends in .tum"):
+        with pytest.raises(InvalidInputError, match=r"robot: applies to trajectories \(.tum\) only"):
             bearslam.save(what, tmp_path / name, robot=1)
 
 

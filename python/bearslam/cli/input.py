@@ -31,12 +31,12 @@ FOLDER = ("robots", "start", "end", "every")
 def add_input(verb: argparse.ArgumentParser) -> None:
     """Add the argument FILE and the options that belong to it."""
     verb.add_argument("file", metavar="FILE", help="file of bearings; - is standard input")
-    verb.add_argument("--format", choices=FORMATS, help="format of FILE (default: told by its ending or content)")
+    verb.add_argument("--format", choices=FORMATS, help="format of FILE (default: from its ending or content)")
     verb.add_argument(
         "--noise",
         choices=NOISES,
         default="auto",
-        help="what a TORO or GTSAM graph states of its motions: information (toro, g2o) or covariance (graph, cov) "
+        help="noise of the motions in a TORO or GTSAM graph: information (toro, g2o) or covariance (graph, cov) "
         "(default: %(default)s)",
     )
     verb.add_argument(
@@ -44,7 +44,7 @@ def add_input(verb: argparse.ArgumentParser) -> None:
         nargs="+",
         type=float,
         metavar="N",
-        help="pose of the sensor on the vehicle, X Y or X Y DEG, if landmarks are relative to the vehicle; comes after "
+        help="pose of the sensor on the vehicle, X Y or X Y DEG, if landmarks are relative to the vehicle; must follow "
         "FILE",
     )
     verb.add_argument(
@@ -60,7 +60,7 @@ def add_input(verb: argparse.ArgumentParser) -> None:
         nargs="+",
         choices=ROBOTS,
         metavar="N",
-        help="robots to read (default: all); comes after FILE",
+        help="robots to read (default: all); must follow FILE",
     )
     group.add_argument(
         "--start", type=float, metavar="S", help="skip measurements before this time, counted from the first one"

@@ -34,9 +34,7 @@ def describe(result: Estimate) -> str:
         f"({result.termination.replace('_', ' ')})",
     ]
     if not math.isnan(result.uncertainty):
-        lines.append(
-            f"uncertainty {percent(result.uncertainty)} of the map's size in the direction that is constrained least"
-        )
+        lines.append(f"uncertainty {percent(result.uncertainty)} of the map's size in the least constrained direction")
     elif not math.isnan(result.sensitivity):
         lines.append("uncertainty unknown: without redundant sightings the residuals say nothing about the errors")
     if result.covariance_frame is not None:

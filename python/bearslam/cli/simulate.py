@@ -43,7 +43,7 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         "--height", type=float, default=5.0, metavar="M", help="height of the arena (default: %(default)s)"
     )
     verb.add_argument(
-        "--sight", type=float, default=math.inf, metavar="M", help="range of sight of a view (default: unlimited)"
+        "--sight", type=float, default=math.inf, metavar="M", help="range of the sensor (default: unlimited)"
     )
     verb.add_argument(
         "-o", "--output", metavar="OUT.csv", help="file to write the bearings to (default: standard output)"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Checks that turn arguments into what the core takes, or raise an `InvalidInputError`.
 
-Its message names the argument, what was expected and what came.
+Its message names the argument, what was expected and what it got.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ IntArray: TypeAlias = NDArray[np.int64]
 SEED_LIMIT = 2**64 - 1
 """The largest seed."""
 INDEX_LIMIT = 2**24
-"""Most views or landmarks in one problem: a larger index is most likely an identifier, not a number counted from 0."""
+"""Largest number of views or landmarks: a larger index is most likely an identifier, not a number counted from 0."""
 
 
 def plain(name: str, value: ArrayLike) -> NDArray[Any]:

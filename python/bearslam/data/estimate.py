@@ -53,9 +53,9 @@ class Estimate:
     poses : (m, 3) ndarray
         Position and heading (x, y, theta) of each view, heading in (-pi, pi]; NaN where undetermined. From bearings
         alone, the first determined view is at the origin with heading 0, and the root-mean-square distance of the other
-        views from it is 1: bearings know no scale [that distance, rad]. Odometry and priors say more: the scale is that
-        of the odometry, or of two known positions; the rotation that of a known heading or two known positions; the
-        place that of a known position. What they leave open is fixed as without them.
+        views from it is 1 [that distance, rad]. Odometry or two known positions determine the scale, a known heading or
+        two known positions the rotation, and a known position the translation; the gauge freedom that they leave is
+        removed as for bearings alone.
     landmarks : (n, 2) ndarray
         Positions in the same frame; NaN where undetermined.
     sightings : Sightings
@@ -65,17 +65,19 @@ class Estimate:
         Predicted minus measured bearing, in (-pi, pi], or (-pi/2, pi/2] of bearings that are not oriented, in the shape
         of the problem; NaN where nothing was seen or nothing can be predicted [rad].
     cost : float
-        Half the sum of the losses of residual over standard deviation, and of the squares of those of odometry and
-        priors. With ``robust=True`` no bearing counts for more than 9, the square of three standard deviations.
+        Half the sum of the losses of the bearings, each of the residual over its standard deviation, and of the squared
+        weighted residuals of odometry and priors. With ``robust=True`` a bearing adds at most 9 to that sum, the square
+        of three standard deviations.
     rms : float
         Root mean square of the residuals, with ``robust=True`` of the inliers [rad].
     sensitivity : float
-        Predicted standard deviation of the map, as a share of its size, in the direction that is constrained least, for
+        Predicted standard deviation of the map, as a share of its size, in the least constrained direction, for
         residuals of one standard deviation. NaN where it was not computed: for alternatives and by `initialize`.
     uncertainty : float
-        The same for the residuals as they are. Be careful above 0.2; near 1 and above, the bearings do not determine
-        the map, however well it explains them. It is evaluated at the map: where noise was mistaken for parallax, as
-        with landmarks along a wall, it is too small. NaN without degrees of freedom to estimate the noise from.
+        The same for the noise estimated from the residuals. Be careful above 0.2; near 1 and above, the bearings do not
+        determine the map, however well it explains them. It is evaluated at the map: where noise was mistaken for
+        parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to estimate the noise
+        from.
     converged : bool
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
@@ -85,8 +87,8 @@ class Estimate:
     iterations : int
         Iterations of the refinement.
     freedom : int
-        Degrees of freedom: numbers measured (bearings of inliers, odometry and priors) minus unknowns, gauge freedom
-        apart.
+        Degrees of freedom (redundancy): numbers measured (bearings of inliers, odometry and priors) minus unknowns,
+        not counting gauge freedom.
     inliers : (m, n) or (k,) ndarray of bool
         Sightings that the map explains, in the shape of the problem: all with a residual, or with ``robust=True`` those
         within three standard deviations, with ``loss="truncated"`` those within its width. False where nothing was seen
@@ -96,20 +98,20 @@ class Estimate:
     alternatives : tuple of Estimate
         Other maps that explain the bearings nearly as well, such as the mirror solution, best first.
     components : tuple of Estimate
-        Maps of views that share too few landmarks with this one: the largest first, each in a gauge of its own, NaN
-        outside its views and landmarks. A landmark may be in several. What is `undetermined` is in none.
+        Maps of views that share too few landmarks with this one: largest first, each in a gauge of its own, NaN outside
+        its views and landmarks. A landmark may be in several. What is `undetermined` is in none.
     pose_covariance : (m, 3, 3) ndarray, or None
         Covariance of each pose (x, y, theta), in the axes of the map, for the standard deviations that the problem
-        states, to first order [squares of the units of `poses`]. A coordinate that nothing
-        constrains has an infinite variance and NaN beside it; all is NaN where the pose is. None unless asked for, and
-        for alternatives and components.
+        states, to first order [squares of the units of `poses`]. An unconstrained coordinate has an infinite variance,
+        and NaN covariances with the others; all is NaN where the pose is. None unless requested, and for alternatives
+        and components.
     landmark_covariance : (n, 2, 2) ndarray, or None
         The same for each landmark (x, y).
     covariance_frame : {"first_view", "free_network", "priors"}, or None
         Gauge in which the covariances are stated, without which they mean nothing; see `solve`.
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and each heading is known modulo pi only: it is
-        given in (-pi/2, pi/2], unless odometry or priors tell more.
+        given in (-pi/2, pi/2], unless odometry or priors resolve it.
     odometry : Odometry, or None
     pose_priors : PosePriors, or None
     landmark_priors : LandmarkPriors, or None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Estimates with their uncertainty: landmarks from known poses, poses from known landmarks."""
+"""Fixes: landmarks from known poses and poses from known landmarks, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ __all__ = ["Fix"]
 
 @dataclass(frozen=True, eq=False)
 class Fix:
-    """One landmark or pose, or n of them, and how well it is known.
+    """One landmark or pose, or n of them, with covariances and residuals.
 
-    The covariance is that of least squares to first order, for independent bearings with the stated standard deviation
-    and for poses (in resection, landmarks) that are known exactly: sigma^2 (J^T J)^-1 with the derivatives J of the
-    bearings by the unknowns. Multiplied by the square of `sigma0`, it is that for residuals as large as they are.
+    The covariance is that of least squares to first order, sigma^2 (J^T J)^-1, where J is the Jacobian of the bearings
+    with respect to the unknowns. It assumes independent bearings with the stated standard deviation, and poses (in
+    resection, landmarks) that are known exactly. Multiply it by the square of `sigma0` to scale it to the residuals.
 
     Where the value is NaN, so is the rest.
 
     Attributes
     ----------
     value : (2,), (3,), (n, 2) or (n, 3) ndarray
-        What the plain call returns: positions (x, y), or poses (x, y, theta) [length, rad].
+        What the call returns without details: positions (x, y), or poses (x, y, theta) [length, rad].
     covariance : (2, 2), (3, 3), (n, 2, 2) or (n, 3, 3) ndarray
         Covariance of the value in the map frame [length^2, length rad, rad^2].
     rms : float or (n,) ndarray
         Root mean square of the residuals [rad].
     sigma0 : float or (n,) ndarray
-        Standard deviation of unit weight: root of the sum of (residual / sigma)^2 over the redundancy, which is the
-        number of bearings less that of unknowns. About 1 where `sigma` is right; NaN without redundancy.
+        Standard deviation of unit weight, a posteriori: the square root of the sum of (residual / sigma)^2 over the
+        redundancy, the number of bearings minus that of unknowns. About 1 if `sigma` is right; NaN without redundancy.
     """
 
     value: FloatArray
@@ -44,7 +44,7 @@ class Fix:
 
 
 def fix_from_core(raw: RawFixes, *, single: bool) -> Fix:
-    """Fix of all rows, or of the only one."""
+    """The fix of all rows, or of the only one."""
     value, covariance, rms, sigma0 = raw["value"], raw["covariance"], raw["rms"], raw["sigma0"]
     assert covariance is not None
     assert rms is not None

@@ -17,9 +17,9 @@ from bearslam.errors import InvalidInputError
 __all__ = ["GAPS", "DenseOrSparse", "normalize"]
 
 PAIRS = 2**33
-"""Most pairs of a view and a landmark: one bit each in the core, 1 GB."""
+"""Largest number of pairs of a view and a landmark: one bit each in the core, 1 GB."""
 GAPS = 1000
-"""Most views or landmarks per sighting, motion or prior: beyond that an index is most likely a slip."""
+"""Largest number of views or landmarks per sighting, motion or prior; above it, an index is most likely a mistake."""
 
 Entry = TypeVar("Entry", bound=np.generic)
 

@@ -88,8 +88,8 @@ class RefineOptions:
     tolerance : float
         Relative decrease of the cost below which the refinement has converged.
     loss_scale : float or None
-        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", for 95 % of the
-        efficiency of least squares, and 3 for "truncated". The squared loss has no width.
+        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", which keep 95 % of
+        the efficiency of least squares for Gaussian errors, and 3 for "truncated". The squared loss has no width.
 
     Raises
     ------
@@ -143,7 +143,7 @@ class Settings:
 
 
 def frame(covariance: bool | CovarianceFrame) -> str | None:
-    """Name that the core has for the frame of the covariances; None for no covariances."""
+    """The core's name for the frame of the covariances; None for no covariances."""
     if isinstance(covariance, bool | np.bool_):
         return "fitting" if covariance else None
     if covariance not in FRAMES:

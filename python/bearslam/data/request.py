@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class Request:
-    """A problem as the core reads it, with what it takes to put the answer into the form of the problem (`table`).
+    """A problem as the core reads it, and the `table` that brings the answer back into the form of the problem.
 
     The core reads the attributes views, landmarks, view, landmark, bearing, sigma, oriented, odometry, pose_priors and
     landmark_priors.
@@ -74,7 +74,7 @@ class Request:
         self.view, self.landmark, self.bearing, self.sigma = seen.view, seen.landmark, seen.bearing, self.table.sigma
 
     def require_sigma(self, what: str) -> None:
-        """Refuse implausible standard deviations: what weighs bearings against something else needs the true ones."""
+        """Refuse implausible standard deviations: whatever weighs bearings against something else needs true ones."""
         sigma = self.table.sigma
         if (sigma > LARGEST_SIGMA).any():
             raise InvalidInputError(

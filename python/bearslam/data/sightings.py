@@ -163,7 +163,7 @@ class Offsets:
 
 
 def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_] | None = None) -> FloatArray:
-    """Standard deviations, one for each sighting, from one for all or one for each."""
+    """Standard deviations, one per sighting, from a single one or one for each."""
     given = plain("sigma", sigma)
     one = given.ndim == 0
     values = floats("sigma", given, () if one else shape, missing=seen is not None and not one)

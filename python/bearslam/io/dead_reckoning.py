@@ -23,9 +23,9 @@ class OdometryNoise(NamedTuple):
 
     The standard deviation of x and y is ``sqrt(position_time^2 t + position_distance^2 d)``, that of the heading
     ``sqrt(heading_time^2 t + heading_turn^2 a)``: random walks, so that two consecutive motions are as uncertain as the
-    one they compose. The defaults come from a comparison of set 7 with motion capture: errors of motions of 0.3 to 4
-    seconds, relative to these, have a root mean square of 0.4 to 1.0 along x, less along y, and 0.8 to 0.9 in heading,
-    with the logged turns 4 to 6 % too large, as they are there.
+    one they compose. The defaults come from a comparison of MRCLAM set 7 with motion capture: errors of motions of 0.3
+    to 4 seconds, relative to these, have a root mean square of 0.4 to 1.0 along x, less along y, and 0.8 to 0.9 in
+    heading, although the logged turns are 4 to 6 % too large there.
     """
 
     position_time: float = 0.01
@@ -35,7 +35,7 @@ class OdometryNoise(NamedTuple):
 
 
 NOISE = OdometryNoise()
-"""Noise of data set 7."""
+"""Noise of MRCLAM data set 7."""
 
 
 def checked_noise(given: OdometryNoise | tuple[float, float, float, float]) -> OdometryNoise:
@@ -64,13 +64,13 @@ def dead_reckoning(
     Parameters
     ----------
     begin : (k,) ndarray
-        Times from which commands hold, each until the next one does [s].
+        Times at which commands take effect, each until the next one [s].
     forward, angular : (k,) ndarray
         The commanded velocities [m/s, rad/s].
     times : (m,) ndarray
         Times of the views [s].
     noise : OdometryNoise
-        How the uncertainty grows.
+        Growth of the uncertainty.
 
     Returns
     -------

@@ -55,7 +55,7 @@ def independent(sigma: tuple[float, ...], upper: Callable[[], tuple[float, ...]]
 
 
 def from_information(texts: tuple[str, ...], where: str, *, unknown: bool = False) -> EdgeNoise:
-    """The noise of an edge from the upper triangle of its information; with `unknown`, 0 means nothing is known."""
+    """The noise of an edge from the upper triangle of its information; with `unknown`, 0 stands for an unknown."""
     if is_diagonal([Decimal(text) for text in texts]):
         diagonal = [texts[row[i]] for i, row in enumerate(INDEX[len(texts)])]
         for text in diagonal:

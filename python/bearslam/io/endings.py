@@ -17,7 +17,7 @@ Format: TypeAlias = Literal["csv", "g2o", "graph"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 ENDINGS: dict[str, Format] = {".csv": "csv", ".g2o": "g2o", ".graph": "graph", ".toro": "graph"}
-"""Formats by ending. That of other files is told by their content."""
+"""Formats by ending. Other files are recognised by their content."""
 PROBLEMS = (".csv", ".g2o")
 """Endings of the files that problems are written to."""
 MAPS = (".json", ".csv", ".g2o")

@@ -32,11 +32,12 @@ def load(
     sensor: ArrayLike | None = None,
     **folder: Any,
 ) -> Problem:
-    r"""Read a problem: CSV, g2o, or a text graph of TORO or GTSAM, each compressed by gzip or not; a folder of MRCLAM.
+    r"""Read a problem from a CSV file, a g2o file, a text graph of TORO or GTSAM, or a folder of MRCLAM.
 
     A CSV file has sightings only. Its first line names the columns, in any order: ``view``, ``landmark``, ``bearing``
     [rad] or ``bearing_deg``, and optionally ``sigma`` [rad] or ``sigma_deg``. Views and landmarks may have any names,
     and are numbered in the order in which they first appear. Empty lines and lines that start with ``#`` are skipped.
+    Any file may be compressed by gzip.
 
     Graphs have poses, landmarks, motions and priors as well, in any order of lines. Lines with tags that are not used
     are counted in `Problem.remarks`, and those of g2o are kept.
@@ -46,13 +47,13 @@ def load(
     path : str, path or binary file
         File or folder to read. Text is in UTF-8.
     format : {"csv", "g2o", "graph"}, optional
-        Format of the file; by default told by the ending (``.csv``, ``.g2o``, ``.graph`` or ``.toro``, optionally with
-        ``.gz``), or else by the content.
+        Format of the file; by default that of its ending (``.csv``, ``.g2o``, ``.graph`` or ``.toro``, optionally with
+        ``.gz``), or else recognised by the content.
     noise : {"auto", "toro", "graph", "cov", "g2o"}
-        Meaning and order of the last six numbers of motions in a text graph: information for "toro" (xx xy yy
-        tt xt yt) and "g2o" (xx xy xt yy yt tt), covariances for "graph" and "cov" in the same two orders. "auto" takes
-        the information of TORO in a file that ends in ``.toro`` and has no ``ODOMETRY``, in others covariances, as
-        GTSAM does, and tells their order by the zeros.
+        Meaning and order of the last six numbers of a motion in a text graph: information for "toro" (xx xy yy tt xt
+        yt) and "g2o" (xx xy xt yy yt tt), covariances for "graph" and "cov" in the same two orders. "auto" is "toro"
+        for a file that ends in ``.toro`` and has no ``ODOMETRY``; in others it takes the numbers for covariances and
+        infers their order from the zeros, as GTSAM does.
     sensor : (2,) or (3,) array_like of float, optional
         Pose (x, y) or (x, y, theta) of the sensor in the frame of the vehicle, if the file has positions of landmarks
         in the latter. Views are then poses of the sensor, and bearings those that it measured [length, rad].
@@ -93,10 +94,10 @@ def load(
     if isinstance(path, str | os.PathLike) and Path(path).is_dir():
         for name, given in (("format", format is not None), ("noise", noise != "auto"), ("sensor", sensor is not None)):
             if given:
-                raise InvalidInputError(f"{name}: is for files, got the folder {os.fspath(path)!r}")
+                raise InvalidInputError(f"{name}: applies to files only, got the folder {os.fspath(path)!r}")
         return mrclam.read(path, **folder)
     if folder:
-        raise InvalidInputError(f"{next(iter(folder))}: is for folders, got a file")
+        raise InvalidInputError(f"{next(iter(folder))}: applies to folders only, got a file")
     if isinstance(path, str | os.PathLike):
         name, data = os.fspath(path), Path(path).read_bytes()
         suffixes = [suffix.lower() for suffix in Path(path).suffixes]
@@ -115,8 +116,8 @@ def load(
     found = format or ENDINGS.get(ending) or _guess(data)
     if found is None and ending == ".txt":
         raise InvalidInputError(
-            f"{name}: expected a header of CSV, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of "
-            f"{', '.join(FORMATS)}, state it by format"
+            f"{name}: expected a CSV header, or lines of a graph such as VERTEX_SE2 or ODOMETRY; if it is one of "
+            f"{', '.join(FORMATS)}, state the format"
         )
     if found == "g2o":
         problem = g2o.parse(data, name)
@@ -166,7 +167,7 @@ def save(what: Estimate | ProblemLike, path: str | os.PathLike[str], *, robot: s
     """
     ending = ending_of(path, RESULTS if isinstance(what, Estimate) else (*PROBLEMS, ".tum"))
     if robot is not None and ending != ".tum":
-        raise InvalidInputError(f"robot: is for a trajectory, a name that ends in .tum, got {os.fspath(path)!r}")
+        raise InvalidInputError(f"robot: applies to trajectories (.tum) only, got {os.fspath(path)!r}")
     if ending == ".tum":
         text = tum.render(what, robot)
     elif ending == ".g2o":
@@ -196,7 +197,7 @@ def _write(path: str | os.PathLike[str], text: str) -> None:
 
 
 def _guess(data: bytes) -> Format | None:
-    """The format of a file by its content: the header of CSV, or tags that only one of the graphs has."""
+    """The format of a file by its content: a CSV header, or tags that only one of the graph formats has."""
     both = False
     for line in data.splitlines():
         words = line.removeprefix(b"\xef\xbb\xbf").split(maxsplit=1)

@@ -181,7 +181,7 @@ def _said(said: Sequence[str], turn: float, stated: Sequence[float], where: str)
     scale = np.sqrt(np.diag(matrix).clip(0))
     scale[:2] = scale[:2].max()
     if not (np.abs(matrix - other) <= AGREEMENT * np.outer(scale, scale)).all():
-        raise InvalidInputError(f"{where}: expected the information that the comment of bearslam says, got other")
+        raise InvalidInputError(f"{where}: expected the information that the comment of bearslam states, got another")
     if kind == "sigma":
         return independent(noise, lambda: tuple(upper_triangle(np.diag(np.square(noise)))), where)
     if is_diagonal(noise):

@@ -258,8 +258,8 @@ class GraphBuilder:
         for edge in edges:
             if edge.spread.sigma is not None and np.inf in edge.spread.sigma:
                 raise InvalidInputError(
-                    f"{self.where(edge.line)}: a coordinate without information cannot be combined with priors with "
-                    "correlations"
+                    f"{self.where(edge.line)}: a coordinate without information cannot be combined with correlated "
+                    "priors"
                 )
             upper = edge.spread.upper()
             rows.append([[upper[i] for i in row] for row in INDEX[len(upper)]])

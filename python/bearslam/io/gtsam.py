@@ -39,7 +39,8 @@ class _Builder:
         points = np.concatenate([result.poses[self.views, :2], result.landmarks[self.landmarks]])
         self.middle = points.mean(axis=0)
         self.size = float(np.sqrt(((points - self.middle) ** 2).sum(axis=1).mean()))
-        # Rows: derivatives of what is known by translation along x and y, rotation about the centroid, and scale.
+        # Rows: derivatives of the known numbers with respect to translation along x and y, rotation about the centroid,
+        # and scale.
         self.known: FloatArray = np.zeros((0, 4))
 
     def build(self) -> tuple[Any, Any]:
@@ -146,7 +147,7 @@ class _Builder:
             self.graph.add(self.gtsam.PoseTranslationPrior2D(self._x(first), pose, self._noise(held)))
 
     def _place(self, point: FloatArray) -> FloatArray:
-        """Derivative of a point by the gauge of the whole map."""
+        """Derivative of a point with respect to the gauge of the whole map."""
         x, y = (point - self.middle) / self.size
         return np.array([[1.0, 0, -y, x], [0, 1, x, y]])
 
@@ -157,7 +158,7 @@ class _Builder:
             self.known = np.linalg.qr(self.known).R
 
     def _frees(self, rows: FloatArray) -> bool:
-        """Whether these rows depend on a gauge freedom that is left; from now on they are known."""
+        """Whether these rows depend on a gauge freedom that is left; they count as known from now on."""
         before = np.linalg.matrix_rank(self.known, tol=RANK) if len(self.known) else 0
         self._know(rows)
         return bool(np.linalg.matrix_rank(self.known, tol=RANK) > before)

@@ -180,7 +180,7 @@ def _from_json(name: str, text: str) -> NamedMap:
         content = json.loads(text)
     except json.JSONDecodeError as error:
         raise InvalidInputError(f"{name}:{error.lineno}: expected JSON: {error.msg}") from None
-    except (RecursionError, ValueError) as error:  # nested without end, numbers without end
+    except (RecursionError, ValueError) as error:  # nested too deeply, integers with too many digits
         raise InvalidInputError(f"{name}: expected JSON of a map: {error}") from None
     if not isinstance(content, dict):
         raise InvalidInputError(f"{name}: expected a JSON object with views and landmarks, got {quote(content)}")

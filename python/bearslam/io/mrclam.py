@@ -79,8 +79,9 @@ def read(
       sightings of one image are within 3 ms and images at least 0.15 s apart, so that the rotation within a view, below
       0.1 degrees, need not be corrected.
     - Of several sightings of one landmark in a view, the first is used.
-    - Commands hold from `odometry_delay` seconds after their time until the next one, and are integrated exactly, along
-      arcs, between consecutive views of a robot. There is no motion before the log begins or after it ends.
+    - A command takes effect `odometry_delay` seconds after its time and holds until the next one does. Commands are
+      integrated exactly, along arcs, between consecutive views of a robot. There is no motion before the log begins or
+      after it ends.
     - Views are named ``robot@time`` and ordered by robot and time; landmarks are named by their subject numbers.
 
     What is left out is counted in `Problem.remarks`. What cannot be parsed is an error.
@@ -252,10 +253,10 @@ def _motions(
 def _remarks(left_out: Counter[str], every: float) -> list[str]:
     texts = {
         "robot": "sightings of other robots left out",
-        "unknown": "sightings of barcodes that Barcodes.dat does not have left out",
-        "second": "sightings left out of a landmark that the view has seen already",
-        "close": f"sightings left out of views less than {every:g} s after the one before",
-        "motion": "motions left out where the odometry has not begun or has ended",
+        "unknown": "sightings of barcodes missing from Barcodes.dat left out",
+        "second": "repeated sightings of a landmark in one view left out",
+        "close": f"sightings of views less than {every:g} s after the previous one left out",
+        "motion": "motions before the odometry log begins or after it ends left out",
     }
     lines = [f"{left_out[what]} {text}" for what, text in texts.items() if left_out[what]]
-    return [*lines, "ranges left out: of what the cameras measured only bearings are used"]
+    return [*lines, "ranges left out: only the bearings of the cameras are used"]

@@ -129,7 +129,7 @@ def _moved(poses: FloatArray, place: FloatArray, turn: float) -> FloatArray:
 
 
 def _carried(sigma: FloatArray, jacobians: FloatArray) -> FloatArray:
-    """Covariances propagated through a linear map; standard deviations that it does not change stay so."""
+    """Covariances propagated through a linear map; standard deviations that it does not change are kept."""
     if sigma.ndim == 2:
         size = sigma.shape[1]
         if (jacobians == np.eye(size)).all() or (size == 2 and (sigma[:, 0] == sigma[:, 1]).all()):

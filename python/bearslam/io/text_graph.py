@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The text graphs of TORO and GTSAM, which are read only.
 
-``VERTEX2``, ``EDGE2`` and ``ODOMETRY`` are poses and motions, ``LANDMARK`` a landmark in the frame of a pose, ``BR`` a
-bearing with a range. The last six numbers of a motion are its information in TORO and its covariance in
-GTSAM, each in one of two orders. The file does not tell which; `noise` does:
+``VERTEX2`` is a pose, ``EDGE2`` and ``ODOMETRY`` are motions, ``LANDMARK`` is a landmark in the frame of a pose, ``BR``
+a bearing with a range. The last six numbers of a motion are its information in TORO and its covariance in GTSAM, each
+in one of two orders. The file does not say which; `noise` does:
 
 ========  ===========  =========================
 noise     numbers are  in the order
@@ -12,12 +12,12 @@ noise     numbers are  in the order
 "g2o"     information  xx xy xt yy yt tt
 "graph"   covariance   xx xy yy tt xt yt
 "cov"     covariance   xx xy xt yy yt tt
-"auto"    covariance   told by which are zero
+"auto"    covariance   inferred from the zeros
 ========  ===========  =========================
 
-"auto" is the rule of GTSAM's ``load2D``. The numbers of ``LANDMARK`` are the covariance xx xy yy in all of them, those
-of ``BR`` the standard deviations of bearing and range. Landmarks have identifiers of their own: landmark 5 is not
-pose 5.
+"auto" is the rule of GTSAM's ``load2D``. Whatever `noise` is, the last three numbers of ``LANDMARK`` are the covariance
+xx xy yy, and the last two of ``BR`` the standard deviations of bearing and range. Landmarks have identifiers of their
+own: landmark 5 is not pose 5.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def _captured(folder: Path, names: Sequence[str]) -> FloatArray:
             after = np.zeros_like(after)
         known = (at >= time[0]) & (at <= time[-1])
         known &= (time[after] - time[after - 1] <= GAP) | (time[after] == at) | (time[after - 1] == at)
-        turned = np.unwrap(heading)  # from one to the next the shorter way round
+        turned = np.unwrap(heading)  # interpolate the shorter way round
         columns = [np.interp(at, time, values) for values in (x, y, turned)]
         poses[views[known]] = np.column_stack([*columns[:2], wrap(columns[2])])[known]
     return poses

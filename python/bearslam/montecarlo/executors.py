@@ -28,7 +28,7 @@ Outcome: TypeAlias = tuple[IntArray, IntArray]
 WINDOW = 2048
 """Chunks submitted at a time: more than an executor has workers, and few enough to be cancelled quickly."""
 RETRIES = 3
-"""Times that a failed chunk is submitted again: workers die."""
+"""Number of times that a failed chunk is submitted again, since workers may die."""
 PATIENCE = 0.3
 """Time spent cancelling chunks before an interrupted sweep returns [s]."""
 POLL_INTERVAL = 0.1
@@ -114,7 +114,7 @@ def _cancel(futures: Iterator[Future[Outcome]], patience: float = PATIENCE) -> N
     """Cancel what has not begun; if that takes long, as over a network, the rest in the background."""
     end = time.monotonic() + patience
     for future in futures:
-        with suppress(Exception):  # nobody waits for this future any more
+        with suppress(Exception):  # the result is no longer needed
             future.cancel()
         if time.monotonic() > end:
             threading.Thread(target=_cancel, args=(futures, math.inf), name="bearslam-cancel", daemon=True).start()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Sweeps in files: as a NumPy archive, which is read again, and as CSV for other programs."""
+"""Sweeps in files: as a NumPy archive, which can be read back, and as CSV for other programs."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def _tally(counts: IntArray, bins: IntArray, name: str) -> Tally:
 
 
 def _write_csv(result: Result, file: BinaryIO) -> None:
-    """Write comments that say what was asked for, then a row for each cell and start.
+    """Write comments that state what was requested, then a row for each cell and start.
 
     The same result gives the same bytes.
     """

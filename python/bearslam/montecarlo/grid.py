@@ -25,7 +25,7 @@ RawChunk: TypeAlias = tuple[str, int, int, float, int, int]
 """A chunk as the core takes it: layout, views, landmarks, noise [rad], first trial and the one after the last."""
 
 LONGEST = 10_000
-"""Most values along one axis."""
+"""Largest number of values along one axis."""
 CELLS = 10**6
 CHUNKS = 10**7
 FEWEST, MOST = 10, 10_000
@@ -124,7 +124,7 @@ def chunk_size(scenes: int) -> int:
 def cut(grid: Grid, trials: int, size: int, done: Mapping[int, Sequence[tuple[int, int]]]) -> list[Chunk]:
     """Chunks of at most `size` trials that cover all trials but those done, which are given as ranges by cell.
 
-    The first trials of all cells come first, so that an interrupted sweep has some of each.
+    The first trials of all cells come first, so that an interrupted sweep has trials in every cell.
     """
     gaps = []
     for cell in range(grid.cells):

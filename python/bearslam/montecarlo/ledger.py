@@ -55,6 +55,6 @@ class Ledger:
         total, chunks, waiting = self._state
         parts = ((chunk.cell * len(self._grid.start), *arrays) for chunk, arrays in waiting.items())
         self._state = _State(total.plus(parts), chunks | waiting.keys(), {})
-        # Waiting until as much has come in as there is keeps the total cost of adding up linear.
+        # Waiting for as many new rows as the sum has keeps the total cost of adding up linear.
         self._limit = max(ROWS, len(self._state.sum.keys))
         self._rows = 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What is told of trials: of those of every cell, or of many cells together."""
+"""Statistics of trials: of each cell, or of many cells together."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Statistics(ABC, Generic[Reals, Wholes]):
 
     @property
     def incomplete(self) -> Wholes:
-        """Number of trials whose map leaves a view or landmark undetermined, if only its range."""
+        """Number of trials whose map leaves a view or landmark undetermined, even if only its range."""
         return self._wholes(self.tally.counts[:, INCOMPLETE])
 
     @property

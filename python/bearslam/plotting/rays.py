@@ -25,7 +25,7 @@ RAYS = 2000
 
 
 def draw_rays(ax: Axes, lines: FloatArray, label: str) -> Entry:
-    """Draw bearings as thin lines: all of them, or one in a number that the legend states."""
+    """Draw bearings as thin lines: all of them, or one in k; the legend states k."""
     every = -(-len(lines) // RAYS)
     if every > 1:
         lines = lines[::every]

@@ -45,7 +45,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Mover:
-    """A view or landmark that moves along a direction.
+    """A view or landmark that moves along a null direction.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class Diagnosis:
     condition : float
         Largest singular value over the smallest nonzero one; NaN without a map.
     noise : float
-        Standard deviation of a bearing that was assumed: as stated, or from the residuals [rad].
+        Assumed standard deviation of a bearing: as stated, or estimated from the residuals [rad].
     near_collinear : bool
         Whether there are three views, and they are collinear to within noise.
     mirror_margin : float

@@ -27,7 +27,7 @@ def resect(
     landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
 ) -> FloatArray | Fix: ...
 def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False) -> FloatArray | Fix:
-    """Pose of one view, or of each of several, from bearings to known landmarks, linearly.
+    """Pose of one view, or of each of several, from bearings to known landmarks, by linear least squares.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
     bearing, with c^2 + s^2 = 1 and each row divided by the range: [[c, -s], [s, c]] and (t1, t2) take the map into the
@@ -43,7 +43,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     sigma : float, default 1
         Standard deviation of a bearing [rad]; only the details depend on it.
     details : bool, default False
-        Whether to return how well the poses are known as well.
+        Whether to return covariances and residuals as well.
 
     Returns
     -------
@@ -57,11 +57,11 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
         If shapes do not match, a number is not finite, `sigma` is not above 0, or the only view has seen fewer than
         three landmarks.
     DegenerateError
-        If more than one pose fits the only view: it is on a circle with its landmarks, or they coincide.
+        If more than one pose fits the only view: it is on one circle with its landmarks, or they coincide.
 
     References
     ----------
-    Dellaert and Stroupe, ICRA 2002 (the scan has lost the minus signs).
+    Dellaert and Stroupe, ICRA 2002 (the minus signs are missing from the scan).
 
     Examples
     --------

@@ -23,7 +23,7 @@ LAYOUTS = ("mixed", "enclosed", "trajectory")
 LARGEST = 1e100
 """Largest side of an arena: products of lengths must not overflow [m]."""
 PLACES = 2**27
-"""Most entries of a table of bearings: 1 GB."""
+"""Largest number of entries of a table of bearings: 1 GB."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,7 +37,7 @@ class Scene:
     landmarks : (n, 2) ndarray
         Positions [m].
     bearings : (m, n) ndarray
-        Bearing of each landmark from each view, with noise, in (-pi, pi]; NaN where it is out of sight [rad].
+        Bearing of each landmark from each view, with noise, in (-pi, pi]; NaN where it is out of range [rad].
     """
 
     poses: FloatArray
@@ -111,7 +111,7 @@ def simulate(
     width, height : float
         Size of the arena [m].
     sight : float
-        Range of sight of a view [m].
+        Range of the sensor: landmarks farther away are not seen [m].
 
     Returns
     -------

@@ -45,7 +45,8 @@ def solve(
 
     The trifocal tensors of many triples of views are estimated; the best conditioned are grown to whole maps, linearly,
     by resection and triangulation; the best of these are refined until one is beyond doubt, and the one of least cost
-    is returned. With odometry or priors a map is grown along them as well, and the result is maximum a posteriori.
+    is returned. With odometry or priors a map is grown along them as well, and the result is the maximum a posteriori
+    estimate.
 
     Parameters
     ----------
@@ -65,8 +66,7 @@ def solve(
         explains most bearings to within three standard deviations; `inliers` says which. Needs the true `sigma` and
         ignores `loss`. Up to a third of the bearings may be wrong.
     oriented : bool
-        Whether bearings are rays. False for lines, known modulo pi only: each heading is then known modulo pi only as
-        well.
+        Whether bearings are rays. False for lines, which are known modulo pi only, and so are the headings then.
     odometry : Odometry, optional
         Measured motions between views, which determine the scale. Odometry and priors default to those of the
         `Problem`.
@@ -108,8 +108,8 @@ def solve(
         plausible where it is needed.
     DegenerateError
         If no part of the problem determines a map: landmarks along one wall seen by three views, views in one place, or
-        with `robust` no map that more bearings support than chance would explain. Its `diagnosis`, a `Diagnosis`, says
-        what is wrong and what to add. If covariances are requested in the frame "priors", and odometry and priors leave
+        with `robust` no map with more inliers than chance would give. Its `diagnosis`, a `Diagnosis`, says what is
+        wrong and what to add. Also if covariances are requested in the frame "priors", but odometry and priors leave
         gauge freedom.
 
     See Also

@@ -59,8 +59,8 @@ def three_view(
 ) -> list[ThreeViewSolution]:
     """Motion of three views and positions of n landmarks from bearings alone, in closed form.
 
-    The rays of three views to one landmark meet in a point, so that a form that is linear in each of the three bearings
-    vanishes. Its coefficients, the trifocal tensor, follow linearly from the bearings, and the motion follows from the
+    The rays of three views to one landmark meet in a point, which is a trilinear equation in the three bearings as unit
+    vectors. Its coefficients, the trifocal tensor, follow linearly from the bearings, and the motion follows from the
     tensor in closed form, up to a similarity of the plane and a twofold ambiguity.
 
     Parameters
@@ -68,7 +68,7 @@ def three_view(
     bearings : (3, n) array_like of float
         Direction to each landmark in the frame of each view, counter-clockwise from its heading [rad].
     method : {"calibrated", "projective"}
-        "calibrated" makes use of bearings being angles: six unknowns, n >= 5. "projective" is the method of the paper:
+        "calibrated" exploits that bearings are angles: six unknowns, n >= 5. "projective" is the method of the paper:
         eight unknowns, n >= 7.
     reweights : int
         Number of times that the calibrated equations are solved again, each divided by its standard deviation.
@@ -76,8 +76,8 @@ def three_view(
     Returns
     -------
     list of ThreeViewSolution
-        Best first: fewest sightings that point away from their landmark, then lowest cost. Two solutions, of which
-        noise may put the true one second; or one, if noise has flattened the triangle of the views so that both merge.
+        Best first: fewest sightings that point away from their landmark, then lowest cost. Two solutions, of which the
+        true one may come second in noise; or one, if noise makes the views seem collinear, so that both merge.
 
     Raises
     ------

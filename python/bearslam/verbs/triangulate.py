@@ -27,7 +27,7 @@ def triangulate(
 def triangulate(
     poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
 ) -> FloatArray | Fix:
-    """Positions of landmarks from bearings at known poses: the least-squares intersection of the rays, linearly.
+    """Positions of landmarks from bearings at known poses, by linear least squares.
 
     Parameters
     ----------
@@ -38,14 +38,13 @@ def triangulate(
     sigma : float, default 1
         Standard deviation of a bearing [rad]; only the details depend on it.
     details : bool, default False
-        Whether to return how well the landmarks are known as well.
+        Whether to return covariances and residuals as well.
 
     Returns
     -------
     (2,) or (n, 2) ndarray, or Fix
-        Positions in the map frame [length]. NaN for a landmark that the rays do not determine: seen fewer than twice,
-        along parallel rays, or if the lines intersect behind a view that sees it. With `details` a `Fix`: positions,
-        covariances, residuals.
+        Positions in the map frame [length]. NaN for a landmark that the rays do not determine: fewer than two rays,
+        parallel rays, or lines that intersect behind a view. With `details` a `Fix`: positions, covariances, residuals.
 
     Raises
     ------
@@ -67,7 +66,7 @@ def triangulate(
     >>> np.sqrt(np.diag(fix.covariance)).round(6)
     array([0.014142, 0.014142])
 
-    Rays that diverge meet nowhere; their lines do, behind the views.
+    Diverging rays do not intersect; their lines do, behind the views.
 
     >>> triangulate([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]], [0.5, 0.2])
     array([nan, nan])
