@@ -10,12 +10,12 @@ SHELL := bash
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
-# With CI set, Cargo.lock is taken as it is.
+# With CI set, Cargo.lock must be up to date.
 LOCKED := $(if $(CI),--locked)
 # The first interpreter that is new enough; `make PYTHON=...` chooses another.
 PYTHON ?= $(shell for python in python3 python3.14 python3.13 python3.12 python3.11 python; do \
 	$$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$python && break; done)
-# One interpreter for all builds of the bindings, or each would start from the beginning.
+# One interpreter for all builds of the bindings; otherwise each would rebuild everything.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
 SOURCES := $(shell find src python -name '*.rs' -o -name '*.py' -o -name '*.pyi') \
@@ -37,15 +37,15 @@ test-rust:
 	cargo check $(LOCKED) --no-default-features --features alloc
 
 PROBE := $(LOCKED) --quiet --release --manifest-path tests/probe/Cargo.toml --target-dir target/probe
-# Of these, what the toolchain has.
+# Targets to build for, if the toolchain has them.
 BARE := thumbv7em-none-eabihf riscv32imac-unknown-none-elf
 
 probe: ## Prove that the kernels need no std, no heap and no panic
-	@# No crate below has its std or alloc feature on.
+	@# No dependency has its std or alloc feature enabled.
 	@mkdir -p target/probe
 	cargo tree $(LOCKED) --no-default-features --edges normal,features > target/probe/tree.txt
 	! grep -E '"(std|alloc)"' target/probe/tree.txt
-	@# It links only without a panic and without an allocator.
+	@# It links only if it has no panic and no allocator.
 	cargo build $(PROBE)
 	nm target/probe/release/probe > target/probe/symbols.txt
 	! grep -E 'panic|alloc|unwind' target/probe/symbols.txt
@@ -62,7 +62,7 @@ CAPI := $(LOCKED) --quiet --release --manifest-path capi/Cargo.toml --target-dir
 capi: ## Build the static library of the C interface into ./target/capi/release/
 	cargo build $(CAPI)
 
-header: ## Write the header of the C interface anew
+header: ## Regenerate the header of the C interface
 	BEARSLAM_WRITE_HEADER=1 cargo test $(LOCKED) --features rayon,capi --test rust header
 
 test-python: $(VENV)/.installed $(VENV)/.dev
@@ -97,7 +97,7 @@ bench: ## Measure the speed of the core
 docs: $(VENV)/.dev ## Build the documentation of the crate
 	cargo doc $(LOCKED) --no-deps --all-features
 
-clean: ## Delete everything that is built
+clean: ## Delete all build products
 	cargo clean
 	rm -rf $(VENV) dist demo .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
