@@ -1,32 +1,33 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Bearing-only SLAM by an extended Kalman filter, started from bearslam's map or blind.
 
-python ekf_slam.py                                    # 100 runs under each start: a table, and ekf.svg
+python ekf_slam.py                                    # 100 runs for each start: a table, and ekf.svg
 python ekf_slam.py --odometry 0.1 3 --output ekf.png  # worse odometry
 
-Dellaert and Stroupe (ICRA 2002) meant their linear method for this: to initialise such a filter. A robot drives one
-and a half times around a loop, sees the landmarks in reach as bearings, and measures its own motion. Nothing else is
-known; the first pose is the origin, and the odometry knows the scale. The state is the pose and the landmarks, with
-their whole covariance.
+Dellaert and Stroupe (ICRA 2002) proposed their linear method for this: to initialise such a filter. A robot drives one
+and a half times around a loop, sees the landmarks in range as bearings, and measures its own motion. Nothing else is
+known; the first pose is the origin, and the odometry determines the scale. The state consists of the pose and the
+landmarks, with their full covariance.
 
 Starts
     bearslam         The first views are solved at once; the last pose and the landmarks become the state. bearslam
                      gives the covariance of each pose and landmark, but not those between them, which the filter needs:
-                     `joint_covariance` computes both, to first order, at bearslam's map. Its blocks are bearslam's.
+                     `joint_covariance` computes both, to first order, at bearslam's map. Its blocks agree with
+                     bearslam's.
     bearslam blocks  The same with the blocks alone, as if the errors of pose and landmarks were independent. They are
-                     not, for they share those of the odometry: the filter forgets that, and trusts itself too much.
-    blind            At the first view nothing is known but the pose.
+                     not, since they share those of the odometry; without the correlations the filter is overconfident.
+    blind            At the first view only the pose is known.
 
-Landmarks that the start does not know enter in one of two ways, the same for all starts
-    guess            At the first sighting, along the bearing, at a range guessed from the reach of the sensor.
-    parallax         Where two rays cross, once they do so at a wide enough angle. Until then the pose of the first
-                     sighting waits in the state; sightings in between are not used.
+Landmarks that the start does not know are initialised in one of two ways, the same for all starts
+    guess            At the first sighting, along the bearing, at a range guessed from the range of the sensor.
+    parallax         Where two rays intersect, once they do so at a wide enough angle. Until then the pose of the first
+                     sighting is kept in the state; sightings in between are not used.
 
-The table has the error of position at the view where bearslam's map enters, and at the end, both in the frame of the
-first pose. If the filter is right about its covariance C, then e^T C^-1 e (NEES) of the error e is chi-square with two
-degrees of freedom, and its median 1.39. A run is "beyond 3 sigma" if it ends above 11.8, as 0.3 % should, and "lost" if
-it ends more than 5 % of the diagonal of the arena away from the truth, has no start, or breaks down in its arithmetic.
-An extended filter linearises once, where it believes to be: it trusts itself too much in time, however it starts.
+The table has the position error at the view where bearslam's map enters, and at the end, both in the frame of the first
+pose. If the covariance C of the filter is correct, e^T C^-1 e (NEES) of the error e is chi-square with two degrees of
+freedom, with median 1.39. A run is "beyond 3 sigma" if it ends above 11.8, as 0.3 % should, and "lost" if it ends more
+than 5 % of the diagonal of the arena away from the truth, has no start, or breaks down numerically. An extended filter
+linearises only once, at its estimate: it becomes overconfident in time, however it starts.
 """
 
 from __future__ import annotations
@@ -60,13 +61,13 @@ LAP = 60
 LOST = 0.05 * float(np.hypot(*ARENA))
 """Error at the end [m]."""
 NEES = -2.0 * float(np.log(0.0027))
-"""Three standard deviations of one number hold as much as this bound on two."""
+"""Bound of the NEES of a position with the same probability as three standard deviations of a single number."""
 PARALLAX = 50.0
-"""Between two rays that determine a landmark, in standard deviations of a bearing, at most 60 degrees. Blind starts
-were tried with 5 to 60: from 40 on they no longer get better."""
+"""Least angle between two rays that initialise a landmark, in standard deviations of a bearing; at most 60 degrees is
+required. Blind starts were tried with 5 to 60: from 40 on they do not improve."""
 PRECISE = 0.1
-"""Standard deviation of a landmark that bearslam's map brings into the filter, over its distance. Those known less well
-enter later: far errors are not Gaussian, and the filter would take them to be."""
+"""Largest standard deviation of a landmark taken from bearslam's map into the filter, over its distance. Less certain
+ones enter later: their errors are not Gaussian, as the filter assumes."""
 
 
 def turned(angle: float) -> Array:
@@ -76,7 +77,7 @@ def turned(angle: float) -> Array:
 
 
 def move(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
-    """Pose after a motion, with its derivatives by the pose (3, 3) and by noise in the axes of the end (3, 3)."""
+    """Pose after a motion, and its Jacobians by the pose (3, 3) and by noise in the axes of the end (3, 3)."""
     step = turned(pose[2]) @ motion[:2]
     by_pose, by_noise = np.eye(3), np.eye(3)
     by_pose[:2, 2] = QUARTER @ step
@@ -85,7 +86,7 @@ def move(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
 
 
 def sight(pose: Array, landmarks: Array) -> tuple[Array, Array, Array]:
-    """Bearings (k,) of landmarks (k, 2), with their derivatives by the pose (k, 3), each by its landmark (k, 2)."""
+    """Bearings (k,) of landmarks (k, 2), and their derivatives by the pose (k, 3) and by the own landmark (k, 2)."""
     away = landmarks - pose[:2]
     across = away @ QUARTER.T / (away**2).sum(axis=1, keepdims=True)
     bearings = wrap(np.arctan2(away[:, 1], away[:, 0]) - pose[2])
@@ -93,9 +94,9 @@ def sight(pose: Array, landmarks: Array) -> tuple[Array, Array, Array]:
 
 
 def cross(poses: Array, bearings: Array) -> tuple[Array, Array, Array, Array]:
-    """Point (2,) where the rays of two poses (2, 3) cross, with its distances (2,), negative behind a pose.
+    """Point (2,) where the rays of two poses (2, 3) intersect, and its ranges (2,), negative behind a pose.
 
-    Then its derivatives by the poses, one after the other (2, 6), and by the bearings (2, 2).
+    Followed by its Jacobians by the poses, one after the other (2, 6), and by the bearings (2, 2).
     """
     angle = poses[:, 2] + bearings
     along = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -111,8 +112,8 @@ def cross(poses: Array, bearings: Array) -> tuple[Array, Array, Array, Array]:
 class Filter:
     """Extended Kalman filter of a pose and landmarks.
 
-    The state has a fixed size: the pose, two numbers a landmark, and three more where landmarks wait for parallax: the
-    pose of the first sighting. What is not in use is zero, and so are its rows and columns of the covariance.
+    The state has a fixed size: the pose, two numbers per landmark, and, if landmarks wait for parallax, three more for
+    the pose of the first sighting. Unused entries are zero, and so are their rows and columns of the covariance.
     """
 
     def __init__(self, landmarks: int, sigma: float, reach: float, guess: tuple[float, float] | None) -> None:
@@ -125,7 +126,7 @@ class Filter:
         self.first = np.full(landmarks, np.nan)
 
     def start(self, pose: Array, landmarks: Array, known: NDArray[np.bool_], covariance: Array) -> None:
-        """Pose and those of the landmarks that are known, and the covariance of all of these, in this order."""
+        """Start from a pose, the landmarks that are known, and their joint covariance, in this order."""
         where = np.append([0, 1, 2], self.at[known].ravel())
         self.mean[where] = np.append(pose, landmarks[known].ravel())
         self.covariance[np.ix_(where, where)] = covariance
@@ -139,7 +140,7 @@ class Filter:
         self.covariance[:3, :3] += (by_noise * noise**2) @ by_noise.T
 
     def update(self, bearings: Array) -> None:
-        """Take in the bearings (n,) of one view, NaN where a landmark is not seen."""
+        """Update with the bearings (n,) of one view, NaN where a landmark is not seen."""
         seen = np.isfinite(bearings)
         old = np.flatnonzero(seen & self.known)
         predicted, by_pose, by_landmark = sight(self.mean[:3], self.mean[self.at[old]])
@@ -160,14 +161,14 @@ class Filter:
                 self.enter_by_parallax(landmark, bearings[landmark])
 
     def insert(self, where: Array, value: Array, of: Array, jacobian: Array, own: Array | float = 0.0) -> None:
-        """Put in what is a function of the state entries `of`, with noise of its own."""
+        """Insert a function of the state entries `of`, with noise of its own."""
         rows = jacobian @ self.covariance[of]
         self.mean[where] = value
         self.covariance[where], self.covariance[:, where] = rows, rows.T
         self.covariance[np.ix_(where, where)] = rows[:, of] @ jacobian.T + own
 
     def enter_by_guess(self, landmark: int, bearing: float, mean: float, spread: float) -> None:
-        """Along the bearing, at a range that is guessed; both in shares of the reach."""
+        """Insert a landmark along the bearing at a guessed range, whose mean and sigma are shares of the reach."""
         angle = self.mean[2] + bearing
         along = np.array([np.cos(angle), np.sin(angle)])
         across = mean * self.reach * QUARTER @ along
@@ -178,7 +179,7 @@ class Filter:
         self.known[landmark] = True
 
     def enter_by_parallax(self, landmark: int, bearing: float) -> None:
-        """Where the ray crosses that of the first sighting, which is kept until then."""
+        """Insert a landmark where the ray intersects that of the first sighting, which is kept until then."""
         first_at = self.first_at[landmark]
         if np.isnan(self.first[landmark]):
             self.insert(first_at, self.mean[:3], np.arange(3), np.eye(3))
@@ -197,7 +198,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class Run:
-    """What the robot measures, and the truth in the frame of its first pose."""
+    """The measurements of the robot, and the truth in the frame of its first pose."""
 
     poses: Array
     landmarks: Array
@@ -209,7 +210,7 @@ class Run:
 
 
 def simulate(seed: int, options: argparse.Namespace) -> Run:
-    """Laps of a trajectory, each with noise of its own."""
+    """Laps of a trajectory, each with its own noise."""
     width, height = ARENA
     lap = bearslam.simulate(
         "trajectory", LAP, options.landmarks, noise=0.0, seed=seed, width=width, height=height, sight=options.reach
@@ -228,7 +229,7 @@ def simulate(seed: int, options: argparse.Namespace) -> Run:
 
 
 def joint_covariance(poses: Array, landmarks: Array, run: Run) -> Array:
-    """Covariance (3m + 2n, 3m + 2n) of the first poses and of landmarks at the minimum, the first pose held.
+    """Covariance (3m + 2n, 3m + 2n) of the first poses and of the landmarks at the minimum, with the first pose fixed.
 
     Landmarks that are NaN are left out: their rows and columns are NaN.
     """
@@ -240,7 +241,7 @@ def joint_covariance(poses: Array, landmarks: Array, run: Run) -> Array:
         rows[-1][:, columns] = block
 
     for k in range(m - 1):
-        # The derivative is at the motion of the map, in the axes of the measured end.
+        # The Jacobian is evaluated at the motion in the map, in the axes of the measured end.
         motion = np.append(turned(poses[k, 2]).T @ (poses[k + 1] - poses[k])[:2], run.odometry.delta[k, 2])
         _, by_pose, by_noise = move(poses[k], motion)
         add(np.linalg.solve(by_noise * run.noise, np.hstack([-by_pose, np.eye(3)])), np.arange(3 * k, 3 * k + 6))
@@ -258,7 +259,7 @@ def joint_covariance(poses: Array, landmarks: Array, run: Run) -> Array:
 
 
 def solve_first(run: Run, views: int) -> bearslam.Reconstruction:
-    """Map of the first views, of which nothing is known but odometry."""
+    """Map of the first views, from bearings and odometry."""
     motions = slice(views - 1)
     first = run.odometry
     odometry = bearslam.Odometry(first.start[motions], first.end[motions], first.delta[motions], first.sigma[motions])
@@ -295,11 +296,11 @@ class Track:
     path: list[Array] = field(default_factory=list)
     landmarks: Array | None = None
     covariances: Array | None = None
-    """Of path, landmarks and covariances, those at the view where bearslam's map enters."""
+    """Path, landmarks and covariances are those at the view where bearslam's map enters."""
 
 
 def follow(run: Run, start: str, guess: tuple[float, float] | None, first: int) -> Track:
-    """Filter a run."""
+    """Run a filter over the measurements of a run."""
     views, landmarks = run.bearings.shape
     track = Track(np.full(views, np.inf), np.full(views, np.inf))
     ekf = Filter(landmarks, run.sigma, run.reach, guess)
@@ -335,12 +336,12 @@ def follow(run: Run, start: str, guess: tuple[float, float] | None, first: int) 
 
 
 def quantile(values: Array, share: float) -> Array:
-    """Along the first axis; values may be infinite, so none is between two."""
+    """Quantile along the first axis; values may be infinite, so there is no interpolation."""
     return np.quantile(values, share, axis=0, method="inverted_cdf")
 
 
 def table(tracks: dict[tuple[str, str], list[Track]], first: int) -> str:
-    """Figures of all runs, one line for each start and entry."""
+    """The results of all runs, one line for each start and entry."""
     view = f"view {first}"
     lines = [
         f"{'':<26}error of position [m]               landmarks      median NEES     beyond",
@@ -377,7 +378,7 @@ def draw_errors(ax: Axes, tracks: dict[str, list[Track]], first: int) -> None:
 
 
 def draw_start(ax: Axes, run: Run, track: Track, style: Style, first: int) -> None:
-    """Path and landmarks of the first views, and what the filter knows of them."""
+    """Path and landmarks of the first views, and their estimates by the filter."""
     seen = run.landmarks[np.isfinite(run.bearings[:first]).any(axis=0)]
     ax.plot(*run.poses[:first, :2].T, color=TRUTH.color, linewidth=1.2)
     ax.plot(*seen.T, TRUTH.marker, color=TRUTH.color, markerfacecolor="none", markersize=7)
@@ -393,7 +394,7 @@ def draw_start(ax: Axes, run: Run, track: Track, style: Style, first: int) -> No
 
 
 def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path: Path) -> None:
-    """Errors along all runs, and what the filter knows of the first run where bearslam's map enters."""
+    """Errors along all runs, and the state of the filter in the first run where bearslam's map enters."""
     figure = Figure(figsize=(8.0, 7.2), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.0, 1.2))
     left, right = above.subplots(1, 2, sharey=True)
@@ -432,22 +433,22 @@ def draw(tracks: dict[tuple[str, str], list[Track]], run: Run, first: int, path:
 
 
 def arguments() -> argparse.Namespace:
-    """Of the command line."""
+    """Arguments of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100, help="under each start (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first run (default %(default)s)")
-    parser.add_argument("--views", type=int, default=90, help=f"in a run, {LAP} a lap (default %(default)s)")
+    parser.add_argument("--runs", type=int, default=100, help="number of runs for each start (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the runs (default %(default)s)")
+    parser.add_argument("--views", type=int, default=90, help=f"views per run, {LAP} per lap (default %(default)s)")
     parser.add_argument("--first", type=int, default=15, help="views that bearslam solves (default %(default)s)")
-    parser.add_argument("--landmarks", type=int, default=30, help="default %(default)s")
-    parser.add_argument("--reach", type=float, default=4.0, help="of the sensor [m] (default %(default)s)")
-    parser.add_argument("--noise-deg", type=float, default=1.0, help="of a bearing (default %(default)s)")
+    parser.add_argument("--landmarks", type=int, default=30, help="number of landmarks (default %(default)s)")
+    parser.add_argument("--reach", type=float, default=4.0, help="range of the sensor [m] (default %(default)s)")
+    parser.add_argument("--noise-deg", type=float, default=1.0, help="noise of a bearing (default %(default)s)")
     parser.add_argument(
         "--odometry",
         type=float,
         nargs=2,
         default=(0.05, 2.0),
         metavar=("METRES", "DEGREES"),
-        help="noise of a step of half a metre (default 0.05 2)",
+        help="noise of the odometry over half a metre (default 0.05 2)",
     )
     parser.add_argument(
         "--guess",
@@ -455,9 +456,9 @@ def arguments() -> argparse.Namespace:
         nargs=2,
         default=(0.9, 0.1),
         metavar=("MEAN", "SIGMA"),
-        help="range of a new landmark, over the reach (default 0.9 0.1, the best of five for blind starts)",
+        help="guessed range of a new landmark, over the reach (default 0.9 0.1, the best of five for blind starts)",
     )
-    parser.add_argument("--output", type=Path, default=Path("ekf.svg"), help="picture (default %(default)s)")
+    parser.add_argument("--output", type=Path, default=Path("ekf.svg"), help="figure to write (default %(default)s)")
     options = parser.parse_args()
     if options.runs < 1 or options.seed < 0:
         parser.error("expected --runs of 1 or more and --seed of 0 or more")
@@ -473,7 +474,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Run all filters over all runs, print the table and draw the picture."""
+    """Run all filters over all runs, print the table and draw the figure."""
     options = arguments()
     tracks: dict[tuple[str, str], list[Track]] = {(start, entry): [] for entry in ENTRIES for start in STARTS}
     try:

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! A robot that maps as it drives, in fixed memory: bearing scans come one by one.
 //!
-//! The first three scans that allow it give a map, both of its branches; the next scan tells which is right.
-//! Then every scan is resected, new landmarks are triangulated, and all is refined. The oldest
-//! scan goes when the memory is full. `robot` is what would run on the target: single precision, `core`
-//! and what this crate has without features, no heap. The rest is the world around it, on the host.
+//! The first three scans that determine one give a map, in both of its branches; the next scan decides between
+//! them. Then every scan is resected, new landmarks are triangulated, and the map is refined. When the memory is
+//! full, the oldest scan is dropped. `robot` is what would run on the target: single precision, `core` and this
+//! crate without features, no heap. The rest simulates the world on the host.
 //!
 //! `cargo run --release --no-default-features --example embedded` prints a line per scan.
 
@@ -15,7 +15,7 @@ mod robot {
     pub const VIEWS: usize = 8;
     pub const LANDMARKS: usize = 12;
 
-    /// Most steps of a refinement: what bounds the time of a scan.
+    /// Largest number of iterations of a refinement, which bounds the time of a scan.
     const STEPS: usize = 10;
 
     /// Standard deviation of a bearing \[rad\].
@@ -24,14 +24,14 @@ mod robot {
     pub type RobotMap = FixedMap<f32, VIEWS, LANDMARKS>;
     type RobotWorkspace = Workspace<f32, VIEWS, LANDMARKS>;
 
-    /// What came of a scan.
+    /// The result of a scan.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub enum Outcome {
-        /// Too little is known for a map; the reason once there are three scans.
+        /// There is no map yet; from three scans on with the reason.
         Waiting(Option<Error>),
-        /// There is a map of the last three scans, and a rival of it.
+        /// There is a map of the last three scans, and its rival.
         Started(bearslam::Outcome<f32>),
-        /// The scan is in the map, and this is its view.
+        /// The scan is in the map, as this view.
         Placed(usize, bearslam::Outcome<f32>),
         /// The scan has been dropped.
         Lost(Why),
@@ -40,9 +40,9 @@ mod robot {
     /// Why a scan is not in the map.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub enum Why {
-        /// The map does not tell where it was taken.
+        /// The map does not determine its pose.
         Undetermined(Error),
-        /// From where it fits best, so many landmarks are on the wrong side.
+        /// At the best pose, this many landmarks are behind the view (cheirality).
         Contradiction(usize),
     }
 
@@ -59,13 +59,13 @@ mod robot {
         undecided: bool,
         started: bool,
         workspace: RobotWorkspace,
-        /// Where the next scan goes: the oldest place once all are taken.
+        /// View of the next scan: the oldest one once all are in use.
         next: usize,
         scans: usize,
     }
 
     impl Robot {
-        /// Constant, so that it may be a static.
+        /// `const`, so that it can initialise a static.
         pub const fn new() -> Self {
             Self {
                 map: RobotMap::new(),
@@ -78,10 +78,10 @@ mod robot {
             }
         }
 
-        /// Takes in a scan: landmarks and the bearings at which they are seen.
+        /// Adds a scan: landmarks and the bearings at which they are seen.
         ///
         /// # Errors
-        /// A landmark or bearing that is none; the scan is dropped.
+        /// An invalid landmark or bearing; the scan is dropped.
         pub fn scan(&mut self, scan: &[(usize, Bearing<f32>)]) -> Result<Outcome, Error> {
             let view = self.next;
             self.map.forget_view(view)?;
@@ -133,9 +133,9 @@ mod robot {
             placed.map_or_else(Outcome::Lost, |report| Outcome::Placed(view, report))
         }
 
-        /// Goes on with the branch that the scan fits better.
+        /// Continues with the branch that the scan fits better.
         fn decide(&mut self, view: usize) -> Outcome {
-            // The rival has not seen it yet; its own poses and landmarks stay.
+            // The rival gets the new sightings, and keeps its own poses and landmarks.
             let (poses, landmarks) = (self.rival.poses, self.rival.landmarks);
             self.rival.clone_from(&self.map);
             (self.rival.poses, self.rival.landmarks) = (poses, landmarks);
@@ -162,7 +162,7 @@ mod robot {
         }
     }
 
-    /// Places a view and the landmarks that it makes known, and refines.
+    /// Adds a view and the landmarks that it determines, and refines.
     fn extend(
         map: &mut RobotMap,
         view: usize,
@@ -174,7 +174,7 @@ mod robot {
             return Err(Why::Contradiction(found.behind));
         }
         for landmark in 0..LANDMARKS {
-            // A landmark behind a view has rays that are all but parallel: it waits for more.
+            // A landmark behind a view has nearly parallel rays: it waits for more.
             if map.landmarks[landmark].is_none()
                 && map
                     .add_landmark(landmark)
@@ -192,12 +192,12 @@ use nalgebra::Point2;
 use robot::{LANDMARKS, Outcome, Robot, RobotMap, SIGMA};
 use std::sync::Mutex;
 
-/// On the target: a cell of the critical-section or RTIC kind.
+/// On the target this would be a cell of the critical-section or RTIC kind.
 static ROBOT: Mutex<Robot> = Mutex::new(Robot::new());
 
 const SCANS: usize = 24;
 
-/// Landmarks farther away than this are not seen \[m\].
+/// Range of the sensor \[m\].
 const SIGHT: f32 = 6.5;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -270,8 +270,8 @@ fn sightings(truth: &Pose<f32>, noise: &mut Noise) -> Vec<(usize, Bearing<f32>)>
         .collect()
 }
 
-/// The error of a view and the root mean square of those of the landmarks \[m\], after alignment by the
-/// landmarks, and their number.
+/// Position error of a view and root-mean-square error of the landmarks \[m\], after alignment by the
+/// landmarks, and the number of landmarks.
 fn errors(
     map: &RobotMap,
     view: usize,
@@ -290,7 +290,7 @@ fn errors(
     Ok((offset.norm(), (squares / count as f32).sqrt(), count))
 }
 
-/// Normal numbers: twelve uniform ones of a linear congruential generator, less their mean.
+/// Normally distributed numbers: the sum of twelve uniform ones of a linear congruential generator, minus its mean.
 struct Noise(u32);
 
 impl Noise {

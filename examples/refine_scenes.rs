@@ -2,8 +2,8 @@
 //! Times the refinement on the scenes that `benches/peers/scenes.py` writes.
 //!
 //! `cargo run --release --example refine_scenes FILE` prints a line per scene: views, landmarks, median
-//! and least time \[us\], iterations, sum of squared residuals. `benches/peers/run.py` puts it beside
-//! Ceres and GTSAM with `--also "bearslam, Rust=target/release/examples/refine_scenes"`.
+//! and least time \[us\], iterations, sum of squared residuals. `benches/peers/run.py` compares it with
+//! Ceres and GTSAM by `--also "bearslam, Rust=target/release/examples/refine_scenes"`.
 
 use bearslam::{Map, Problem, RefineOptions, pose, refine_map};
 use nalgebra::Point2;

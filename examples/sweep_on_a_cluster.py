@@ -6,8 +6,8 @@ python sweep_on_a_cluster.py --backend processes
 python sweep_on_a_cluster.py --backend dask --address tcp://host:8786
 mpiexec -n 65 python -m mpi4py.futures sweep_on_a_cluster.py --backend mpi
 
-The workers need bearslam as well. The result is the same, bit by bit, wherever it is computed; times apart. Called
-again, the script goes on from its checkpoint.
+The workers need bearslam as well. Apart from times, the result is the same, bit by bit, wherever it is computed. Called
+again, the script resumes from its checkpoint.
 """
 
 import argparse
@@ -21,13 +21,13 @@ import bearslam
 
 
 def executor(backend: str, address: str | None, stack: ExitStack) -> Executor | None:
-    """Where to run: anything with the interface of `concurrent.futures.Executor` will do."""
+    """The executor to run on; anything with the interface of `concurrent.futures.Executor` will do."""
     if backend == "processes":
         return stack.enter_context(ProcessPoolExecutor())
     if backend == "dask":
         from distributed import Client  # pip install "dask[distributed]"
 
-        # Without an address a cluster of processes on this machine.
+        # Without an address, this is a cluster of processes on this machine.
         return stack.enter_context(Client(address)).get_executor()
     if backend == "mpi":
         from mpi4py.futures import MPIPoolExecutor  # pip install mpi4py
@@ -40,8 +40,8 @@ def main() -> int:
     """Run the sweep, save and draw it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--backend", choices=("local", "processes", "dask", "mpi"), default="local")
-    parser.add_argument("--address", help="of the dask scheduler")
-    parser.add_argument("--trials", type=int, default=50, help="scenes in each of 150 cells")
+    parser.add_argument("--address", help="address of the dask scheduler")
+    parser.add_argument("--trials", type=int, default=50, help="number of scenes in each of 150 cells")
     options = parser.parse_args()
 
     with ExitStack() as stack:
@@ -57,7 +57,7 @@ def main() -> int:
                 checkpoint="sweep.checkpoint",
             )
         except bearslam.ExecutorError as error:
-            print(error, file=sys.stderr)  # the cluster is gone, but not what it has done
+            print(error, file=sys.stderr)  # the cluster is gone, but its results are kept
             result = error.result
     result.save("sweep.npz")
     for start in result.start:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// A robot without Rust: a map from three scans of bearings, a fourth view by resection, a landmark by
-// triangulation, and all of it refined, in fixed memory.
+// The C interface: a map from three scans of bearings, a fourth view by resection, a landmark by
+// triangulation, and a refinement of it all, in fixed memory.
 //
 //   make capi
 //   cc -std=c99 -Iinclude examples/three_views.c target/capi/release/libbearslam_c.a -lm -o three_views
@@ -18,11 +18,11 @@ enum { VIEWS = 4, LANDMARKS = 8, HIDDEN = 7 };
 // Standard deviation of a bearing [rad].
 static const double SIGMA = 0.001;
 
-// Poses x, y, heading and landmarks x, y of the world; the robot does not know them.
+// True poses x, y, heading and landmarks x, y, which the robot does not know.
 static const double WORLD_POSES[VIEWS][3] = {{0, 0, 0.3}, {4, -0.5, 0.7}, {1.5, 4, -0.4}, {5, 4.5, 2.1}};
 static const double WORLD_LANDMARKS[LANDMARKS][2] = {{1.5, 1.5}, {3, 3}, {-1.5, 2}, {5.5, 2}, {2, -2}, {-1, -1}, {6, 1}, {3, 6}};
 
-// What the refinement works in: room for all that it can take, aligned as a double.
+// Memory of the refinement: enough for the largest problem, aligned as a double.
 static double memory[16 * 1024];
 
 static void check(const char *what, BearslamStatus status) {
@@ -80,11 +80,11 @@ int main(void) {
         landmarks[j][1] = both[0][j][1];
     }
 
-    // The fourth scan, from the landmarks that have a place.
+    // The fourth view, from the landmarks in the map.
     check("resection", bearslam_resect(landmarks[0], bearings[3], HIDDEN, poses[3]));
     print("resected", poses[3], 3);
 
-    // The landmark that view 0 does not see, from the others.
+    // The landmark that view 0 does not see, from the other views.
     double column[VIEWS];
     for (int i = 0; i < VIEWS; i++) {
         column[i] = bearings[i][HIDDEN];
@@ -94,7 +94,7 @@ int main(void) {
 
     double cost;
     size_t iterations;
-    // At most 30 steps, and to the last digit; a tolerance of 1e-10 would do.
+    // At most 30 iterations, to the last digit; a tolerance of 1e-10 would do.
     check("refinement", bearslam_refine(bearings[0], SIGMA, VIEWS, LANDMARKS, poses[0], landmarks[0], 30, 0.0, &cost,
                                         &iterations, memory, sizeof memory));
     print("refined_poses", poses[0], 3 * VIEWS);
