@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Stack frames of the probe's functions on a bare-metal target: `python3 benches/stack.py [target]`.
 
-Builds `tests/probe` with the compiler's own table of frames (`-Z emit-stack-sizes`, switched on in the stable
-compiler by RUSTC_BOOTSTRAP) and prints the larger ones. The stack of a call is the sum of the frames down the chain.
+Builds `tests/probe` with the compiler's table of frame sizes (`-Z emit-stack-sizes`, enabled in the stable compiler by
+RUSTC_BOOTSTRAP) and prints the larger ones. The stack of a call is the sum of the frames along the chain of calls.
 """
 
 import os
@@ -16,20 +16,20 @@ SMALLEST = 64
 
 
 def run(*command: str, **environment: str) -> str:
-    """Return what a command prints."""
+    """Return the output of a command."""
     everything = os.environ | environment
     return subprocess.run(command, cwd=ROOT, env=everything, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def table(path: str) -> bytes:
-    """Return the bytes of the section of frames of a 32-bit ELF file."""
+    """Return the bytes of the section of frame sizes of a 32-bit ELF file."""
     line = next(line for line in run("readelf", "-SW", path).splitlines() if ".stack_sizes" in line)
     offset, size = (int(field, 16) for field in line.split("PROGBITS")[1].split()[1:3])
     return Path(path).read_bytes()[offset : offset + size]
 
 
 def frames(data: bytes) -> dict[int, int]:
-    """Return frame by address: four bytes little-endian, then the size as a ULEB128 number."""
+    """Return frame sizes by address; an entry has four little-endian bytes, then the size as a ULEB128 number."""
     found = {}
     at = 0
     while at < len(data):

@@ -1,22 +1,22 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The calibrated three-view estimator in NumPy alone, as fast as NumPy goes: the peer of the compiled batch.
+"""The calibrated three-view estimator in NumPy alone, as fast as NumPy can be: a reference for the compiled batch.
 
 It is the same estimator: rows of (T1), null vector, Sampson weights (T4), both motions in closed form (T6), (T7),
 signs by majority (T8), ranking, landmarks by (T10); see ``docs/theory.md``. What makes it fast:
 
 * no Python loop over problems; the problems are the last axis of all arrays, so that every operation runs over
   contiguous memory, in blocks that fit the cache;
-* complex numbers as pairs of real arrays where they are many (a conjugate, a real part or a real factor then costs
-  nothing extra), as complex arrays where they are few;
-* results go to arrays at hand, which stay in the cache;
+* large arrays of complex numbers as pairs of real arrays (a conjugate, a real part or a real factor then costs nothing
+  extra), small ones as complex arrays;
+* results are written to existing arrays, which stay in the cache;
 * sine and cosine from one tangent of half the angle: six times as fast, where NumPy has a vectorised tangent;
 * the residuals of a landmark from the determinant of its three lines, see `settle`;
 * null vectors by elimination over all problems at once, see `by_elimination`: LAPACK, called once per problem by
-  NumPy, takes several times as long as all the rest. It is there to compare: `NULL_VECTORS`.
+  NumPy, takes several times as long as everything else. It is included for comparison: `NULL_VECTORS`.
 
 Left out, in NumPy's favour: tests for bearings that are not finite, for landmarks that do not determine the motion,
-for views in one place and for parallel rays, all of which generic scenes never meet, and the flag for nearly collinear
-views. One thread: set ``OPENBLAS_NUM_THREADS=1`` and its like before NumPy is imported.
+for coincident views and for parallel rays, none of which occur in generic scenes, and the flag for nearly collinear
+views. For one thread, set ``OPENBLAS_NUM_THREADS=1`` and the like before NumPy is imported.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ NullVector = Callable[[Array], Array]
 
 MIN_LANDMARKS = 5
 
-# Bearings per view and problems at a time, at most, and landmarks at a time in `settle`: found by trial, with a
-# second-level cache of 2 MB.
+# Largest number of bearings per view and of problems per block, and number of landmarks at a time in `settle`: found by
+# trial, with a second-level cache of 2 MB.
 BEARINGS = 40_000
 BLOCK = 2000
 GROUP = 5
 
-# Power iteration: steps before the first look, squared movement of a vector that stands still, most rounds after it.
+# Power iteration: steps before the first check, squared change of a converged vector, largest number of rounds after.
 LEAD = 4
 STANDS_STILL = 1e-20
 ROUNDS = 12
@@ -102,7 +102,7 @@ def solve_block(bearings: Array, reweights: int, null_vector: NullVector, group:
     cos, sin = unit(np.array(bearings.transpose(1, 2, 0), order="C"))
     turns, rows = products(cos, sin)
     tensor = null_vector(rows)
-    # Five landmarks are explained exactly, however they are weighted.
+    # Five landmarks are fitted exactly, whatever their weights.
     for _ in range(reweights if landmarks > MIN_LANDMARKS else 0):
         tensor = null_vector(rows * weights(tensor, rows))
     *motion, flat = motions(tensor)
@@ -343,7 +343,7 @@ def settle(
     turned = behind > landmarks - behind
     sign = 1.0 - 2.0 * turned
     wrong = np.where(turned, landmarks - behind, behind)
-    # Those that are wrong miss by pi less their angle.
+    # Those that point away are off by pi minus their angle.
     wrong_angles = (total - signed * sign) * 0.5
     cost = (squares + (np.pi * (np.pi * wrong - 2.0 * wrong_angles)).sum(axis=0)) * 0.5
     scale = sign[0] / np.sqrt(np.square(positions[0, 0]) + np.square(positions[1, 0]))
@@ -361,7 +361,7 @@ def scale_to_unit(vectors: Array) -> Array:
 
 
 def by_elimination(rows: Array) -> Array:
-    """Elimination over all problems at once: reflections for five landmarks, products of columns for more."""
+    """Elimination over all problems at once: reflections for five landmarks, the Gram matrix for more."""
     return by_reflections(rows) if rows.shape[1] == MIN_LANDMARKS else by_gram(rows)
 
 
@@ -388,7 +388,7 @@ def by_reflections(rows: Array) -> Array:
 
 
 def by_gram(rows: Array) -> Array:
-    """Power iteration with the inverse of the columns' products; squared for the few that are slow."""
+    """Power iteration with the inverse of the Gram matrix of the columns; squared for the few that are slow."""
     columns, _, count = rows.shape
     gram = np.empty((columns, columns, count))
     for i in range(columns):
@@ -406,7 +406,7 @@ def by_gram(rows: Array) -> Array:
         np.einsum("ak,ajk->jk", lower[: k + 1, k + 1], inverse[: k + 1, : k + 1], out=row[: k + 1])
         np.negative(row[: k + 1], out=row[: k + 1])
         row[k + 1] = 1.0
-    # Without noise the last pivot is rounding: any small one serves.
+    # Without noise the last pivot is rounding error: any small number will do.
     pivots = np.maximum(np.abs(gram.diagonal().T), 1e-300)
     # Inverse of the matrix, of unit trace.
     scaled = inverse / pivots[:, None]
@@ -451,7 +451,7 @@ def by_qr(rows: Array) -> Array:
 
 
 def by_eigh(rows: Array) -> Array:
-    """LAPACK's eigenvectors of the columns' products."""
+    """LAPACK's eigenvectors of the Gram matrix of the columns."""
     matrix = np.ascontiguousarray(rows.transpose(2, 1, 0))
     return np.linalg.eigh(matrix.transpose(0, 2, 1) @ matrix)[1][:, :, 0].T
 

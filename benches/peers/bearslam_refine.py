@@ -4,9 +4,9 @@
 
     python benches/peers/bearslam_refine.py FILE [--repeat N]
 
-Times the whole call from Python, checks and packing of the answer included, with default options.
-Prints one line a scene: m n median_us least_us iterations cost, with the cost as the sum of squared
-residuals [rad^2] and the times over N repetitions.
+Times the whole call from Python with default options, including checks of the arguments and packing of
+the result. Prints one line per scene: m n median_us least_us iterations cost, where cost is the sum of
+squared residuals [rad^2] and the times are over N repetitions.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from scenes import measure, read_scenes
 
-SKIPPED = 77  # exit status that run.py reports as "not installed", as automake does
+SKIPPED = 77  # exit status that run.py reports as "skipped", as automake does
 
 try:
     bearslam = importlib.import_module("bearslam")

@@ -4,16 +4,16 @@
 
     python benches/peers/gtsam_odometry.py [--views 100 1000] [--repeat 5] [--start odometry|perturbed]
 
-A simulated trajectory, half as many landmarks as views, less those that hardly a view sees, of which a view sees about
-ten; bearings of 0.5 degrees, motions of 1 cm and 0.3 degrees. "odometry" starts at the dead-reckoned poses, with the
-landmarks triangulated from them (those that cannot be, 1 m along the first bearing); "perturbed" 5 cm and 1 degree from
-the truth.
+A simulated trajectory with half as many landmarks as views, minus those seen from fewer than three views; each view
+sees about ten. Noise of 0.5 degrees for bearings, 1 cm and 0.3 degrees for motions. "odometry" starts at the
+dead-reckoned poses, with the landmarks triangulated from them (or else 1 m along their first bearing); "perturbed"
+starts 5 cm and 1 degree from the truth.
 
-GTSAM has one ``BearingFactor2D`` a sighting, one ``BetweenFactorPose2`` a motion and a ``PriorFactorPose2`` that holds
-the first pose; Levenberg-Marquardt with its default elimination. Only ``optimize()`` is timed, which is C++ throughout;
+GTSAM has one ``BearingFactor2D`` per sighting, one ``BetweenFactorPose2`` per motion and a ``PriorFactorPose2`` that
+fixes the first pose; Levenberg-Marquardt with its default elimination. Only ``optimize()`` is timed, which is all C++;
 for bearslam the whole call from Python. Both run on one core, one after the other in each repetition. Costs are half
-the sum of squares over standard deviations. GTSAM's is by its own residual of a motion, the logarithm (as its wheels
-are built), and that of bearslam's map is printed by it as well, so that like is beside like.
+the sum of squares over standard deviations. GTSAM's cost uses its own residual of a motion, the logarithm (as its
+wheels are built); the cost of bearslam's map is also evaluated by GTSAM, so that like is compared with like.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def perturbed(scene: bearslam.Scene, seed: int) -> tuple[Array, Array]:
 
 
 def reckoned(scene: bearslam.Scene, odometry: bearslam.Odometry) -> tuple[Array, Array]:
-    """Poses along the odometry, and the landmarks that follow."""
+    """Poses along the odometry, and the landmarks triangulated from them."""
     at = gtsam.Pose2(*scene.poses[0])
     poses = [at]
     for delta in odometry.delta:
@@ -102,7 +102,7 @@ def graph_of(scene: bearslam.Scene, odometry: bearslam.Odometry, first: Array) -
 
 
 def values_of(poses: Array, landmarks: Array) -> Any:
-    """Everything as GTSAM wants it."""
+    """Poses and landmarks as values of GTSAM."""
     values = gtsam.Values()
     for k, row in enumerate(poses):
         values.insert(pose(k), gtsam.Pose2(*row))
@@ -112,7 +112,7 @@ def values_of(poses: Array, landmarks: Array) -> Any:
 
 
 def timed(run: Callable[[], Any]) -> tuple[float, Any]:
-    """Milliseconds, and what came of it."""
+    """Milliseconds, and the result."""
     before = time.perf_counter()
     found = run()
     return 1e3 * (time.perf_counter() - before), found
@@ -129,7 +129,7 @@ def compare(views: int, repeat: int, start: str, seed: int) -> str:
     parameters.setMaxIterations(100)
     parameters.setRelativeErrorTol(1e-9)
     parameters.setAbsoluteErrorTol(1e-12)
-    parameters.setlambdaUpperBound(1e12)  # with the default it gives up at once where the start is far
+    parameters.setlambdaUpperBound(1e12)  # with the default it gives up at once from a distant start
     ours, theirs, ratios = [], [], []
     for _ in range(repeat):
         one, result = timed(

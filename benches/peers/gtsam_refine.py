@@ -4,11 +4,11 @@
 
     python benches/peers/gtsam_refine.py FILE [--repeat N] [--solver NAME]
 
-One ``BearingFactor2D`` a sighting and Levenberg-Marquardt; landmarks are eliminated first. A loose
-prior holds the first pose where it starts, which costs nothing and so does not move the optimum; the
-scale is left to the damping. Only ``optimize()`` is timed, which is C++ throughout: graph, values,
-ordering and optimizer exist before. Prints one line a scene: m n median_us least_us iterations cost,
-with the cost as the sum of squared residuals [rad^2] and the times over N repetitions.
+One ``BearingFactor2D`` per sighting and Levenberg-Marquardt; landmarks are eliminated first. A loose
+prior holds the first pose at its start, where it has no cost, so that it does not change the optimum;
+the scale is left to the damping. Only ``optimize()`` is timed, which is all C++: graph, values, ordering
+and optimizer exist before. Prints one line per scene: m n median_us least_us iterations cost, where cost
+is the sum of squared residuals [rad^2] and the times are over N repetitions.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scenes import Scene, measure, read_scenes
 
-SKIPPED = 77  # exit status that run.py reports as "not installed", as automake does
+SKIPPED = 77  # exit status that run.py reports as "skipped", as automake does
 
 try:
     gtsam = importlib.import_module("gtsam")

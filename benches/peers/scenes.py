@@ -4,10 +4,10 @@
 
     python benches/peers/scenes.py [FILE]          # default: target/peers/scenes.txt
 
-Plain text: numbers separated by blanks, one block after the other, radians and metres. One block:
+Plain text: numbers separated by blanks, one block per scene, radians and metres. One block:
 
-    scene m n           the word, then the number of views and of landmarks
-    b b ... b           m lines of n bearings, one view a line, all seen
+    scene m n           the word "scene", then the numbers of views and of landmarks
+    b b ... b           m lines of n bearings, one line per view, all seen
     x y theta           m lines: start poses
     x y                 n lines: start landmarks
     x y theta           m lines: true poses
@@ -16,7 +16,7 @@ Plain text: numbers separated by blanks, one block after the other, radians and 
 Robots and landmarks are mixed in a room of 7 m x 5 m, no two closer than 0.4 m; 1 degree of noise on
 the bearings; the start is the truth with Gaussian noise of 0.1 m and 5 degrees. Fifty scenes each of
 4 x 7, 8 x 11 and 12 x 15, seeded. Starts that do not lead to the optimum of the truth are kept:
-run.py counts who arrives.
+run.py counts the refiners that arrive.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def points(rng: np.random.Generator, count: int) -> Array:
 
 
 def rows(values: Iterable[Array]) -> list[str]:
-    """One line a row, every digit."""
+    """One line per row, with all digits."""
     return [" ".join(repr(float(x)) for x in row) for row in values]
 
 
@@ -111,7 +111,7 @@ def read_scenes(path: Path) -> list[Scene]:
 
 
 def measure(prepare: Callable[[], Callable[[], Any]], repeat: int) -> tuple[float, float, Any]:
-    """Median and least time [us] of what `prepare` returns, and its last result; one run to warm up."""
+    """Median and least time [us] of what `prepare` returns, after a warm-up run, and its last result."""
     microseconds = []
     for _ in range(repeat + 1):
         call = prepare()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A map of bearslam's in GTSAM: costs from the same data and start, and times.
+"""Compare a map of bearslam with GTSAM: costs from the same data and start, and times.
 
-With `z^-1 (p^-1 q)` for the error of a motion, bearslam's residual is its x, y and theta. The wheels of GTSAM take its
-logarithm instead, which agrees to first order in theta. So costs are compared with factors of bearslam's residual, in
-Python and slow, and times with GTSAM's own.
+With the error of a motion `z^-1 (p^-1 q)`, bearslam's residual is its x, y and theta. The Python wheels of GTSAM take
+its logarithm instead, which agrees to first order in theta. So costs are compared using factors with bearslam's
+residual, which are in Python and slow, and times using GTSAM's own.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def charted(graph: Any) -> Any:
 
 
 def minimum(graph: Any, start: Any) -> tuple[Any, float, int]:
-    """Levenberg-Marquardt until nothing changes: values, seconds, iterations."""
+    """Levenberg-Marquardt to convergence: values, seconds, iterations."""
     import gtsam
 
     parameters = gtsam.LevenbergMarquardtParams()
@@ -67,7 +67,7 @@ def minimum(graph: Any, start: Any) -> tuple[Any, float, int]:
 
 
 def compare(result: bearslam.Reconstruction, cost: float) -> None:
-    """Prints GTSAM's costs at a map, whose cost over the same factors is given, and at the minimum next to it."""
+    """Print GTSAM's costs at a map, whose cost over the same factors is given, and at the nearest minimum."""
     graph, values = result.to_gtsam()
     found, seconds, iterations = minimum(graph, values)
     print(
