@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, settings
 
 mpl.use("Agg")
 
-# HYPOTHESIS_PROFILE=slow looks harder; both are deterministic, so that a failure on one machine is one on all.
+# HYPOTHESIS_PROFILE=slow tries more; both are deterministic, so that a failure on one machine occurs on all.
 settings.register_profile("fast", max_examples=50, deadline=None, derandomize=True)
 settings.register_profile(
     "slow", max_examples=2000, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
@@ -30,7 +30,7 @@ REFERENCES = {
 
 @pytest.fixture(scope="session")
 def repository():
-    """The folder of the checkout."""
+    """The root folder of the checkout."""
     return REPOSITORY
 
 
@@ -70,7 +70,7 @@ def own():
 
 @pytest.fixture(scope="session")
 def chart():
-    """The error of a motion for GTSAM as bearslam has it; see test_gtsam.py."""
+    """The error of a motion in GTSAM with bearslam's definition; see test_gtsam.py."""
     pytest.importorskip("gtsam", reason="GTSAM is not installed: pip install gtsam")
     path = REPOSITORY / "benches" / "real" / "beside_gtsam.py"
     spec = importlib.util.spec_from_file_location("beside_gtsam", path)

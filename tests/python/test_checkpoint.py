@@ -35,7 +35,7 @@ def expected():
 
 @pytest.fixture
 def work(monkeypatch):
-    """Scenes that the core has been asked for, call by call."""
+    """Scenes requested from the core, call by call."""
     asked = []
     run = _core.sweep
 
@@ -114,7 +114,7 @@ def test_a_killed_process_loses_half_a_second(tmp_path, expected, work):
     path = tmp_path / "sweep.db"
     with subprocess.Popen([sys.executable, "-c", KILLED, path], stdout=subprocess.PIPE) as process:
         assert b"10\n" in iter(process.stdout.readline, b"")
-        time.sleep(1.0)  # half a second, and as much again for the machine
+        time.sleep(1.0)  # commits are half a second apart, and the machine may be busy
         process.kill()
     assert process.returncode == -signal.SIGKILL
     assert bearslam.sweep(**ARGUMENTS, checkpoint=path).identical(expected)
@@ -165,7 +165,7 @@ def newer_format(path):
 
 
 def lost_pages(path):
-    """A list of free pages that leads nowhere: nothing is wrong with what is there, but what comes would be."""
+    """A corrupt list of free pages: the recorded chunks are intact, but new ones would be lost."""
     bearslam.sweep(**{**ARGUMENTS, "trials": 1}, checkpoint=path)
     data = bytearray(path.read_bytes())
     data[32:40] = (999_999).to_bytes(4, "big") + (5).to_bytes(4, "big")

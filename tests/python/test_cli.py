@@ -226,7 +226,7 @@ LOADED = """\
 import signal, sys
 import bearslam.cli.input, bearslam.cli.main
 
-# Where the tests run in the background the signal is ignored from the start.
+# If the tests run in the background, the signal is ignored from the start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def load(path, load=bearslam.cli.input.load, **options):
@@ -250,7 +250,7 @@ def test_ctrl_c_ends_a_long_solve_at_once(tmp_path):
         start = time.monotonic()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
-    # A second is what a person takes for at once; the machine may be busy.
+    # Within a second, which a person perceives as immediate; the machine may be busy.
     assert time.monotonic() - start < 3.0
     assert (process.returncode, err) == (130, b"bearslam: interrupted\n")
     assert not out.exists()
@@ -397,7 +397,7 @@ def test_an_interruption_is_one_line(scene, monkeypatch, capsys):
 
 
 class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
+    """A stream that claims to be a terminal."""
 
     def isatty(self):
         return True

@@ -170,7 +170,7 @@ def test_convert(folder, capsys):
 def test_sigma_overrides_that_of_the_file(folder):
     assert main(["convert", "a.csv", "b.csv", "--sigma-deg", "2"]) == 0
     assert bearslam.load("b.csv").sightings.sigma.tolist() == [math.radians(2)] * 2
-    # What the covariance of a range says of the bearing is then no longer so.
+    # The covariance of a range would contradict that standard deviation.
     assert main(["convert", "a.graph", "b.g2o", "--sigma-deg", "2"]) == 0
     problem = bearslam.load("b.g2o")
     assert problem.offsets is None

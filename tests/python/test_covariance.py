@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Covariances: shapes, frames, what they are where nothing holds. That they are right is tested in test_nees.py."""
+"""Covariances: shapes, frames, unconstrained directions. Their values are tested in test_nees.py."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_shapes_and_symmetry(verb):
         np.testing.assert_array_equal(blocks, blocks.transpose(0, 2, 1))
         assert (np.linalg.eigvalsh(blocks) > -1e-15).all()
         assert (np.diagonal(blocks, axis1=1, axis2=2) >= 0).all()
-    # The first view is what the others are seen from.
+    # The first view is the reference of the others.
     assert np.abs(result.pose_covariance[0]).max() < 1e-15
     assert all(other.pose_covariance is None for other in result.alternatives)
 
@@ -53,7 +53,7 @@ def test_priors_are_the_frame_where_they_leave_nothing_open():
     known = LandmarkPriors([0, 3], SCENE.landmarks[[0, 3]], 1e-4)
     result = bearslam.solve(SCENE.bearings, sigma=NOISE, landmark_priors=known, covariance=True)
     assert result.covariance_frame == "priors"
-    # Bearings say next to nothing of a landmark that is known so well.
+    # The bearings add next to nothing to such an accurate prior.
     np.testing.assert_allclose(np.sqrt(np.diag(result.landmark_covariance[0])), 1e-4, rtol=0.1)
     half = LandmarkPriors([0], SCENE.landmarks[[0]], 1e-4)
     with pytest.raises(DegenerateError, match="directions of the whole that odometry and priors leave free") as caught:

@@ -38,7 +38,7 @@ def wall():
 
 
 def test_every_measured_configuration(own):
-    """The numbers of free directions that another program has counted, by the names they should have."""
+    """The numbers of free directions counted by another program, by the expected names of the findings."""
     seen = set()
     for record in own["counting"]:
         poses, landmarks = np.array(record["poses"]), np.array(record["landmarks"])

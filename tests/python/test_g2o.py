@@ -26,7 +26,7 @@ def rows(count, size, what=number):
 
 @st.composite
 def covariances(draw, size):
-    """Positive definite, of any shape and scale, some of it zero."""
+    """Positive definite matrices of any shape and scale, with some zeros."""
     scale = np.array(draw(st.lists(st.floats(1e-3, 1e3), min_size=size, max_size=size)))
     entries = np.array(draw(rows(size, size, st.floats(-0.4, 0.4) | st.just(0.0))))
     matrix = np.eye(size) + np.triu(entries, 1) + np.triu(entries, 1).T
@@ -386,7 +386,7 @@ def test_large_and_odd_identifiers_are_names():
 
 @pytest.fixture(scope="module")
 def solved():
-    """A map with all that it was made from, one landmark of which is undetermined."""
+    """A map with all kinds of measurements, one landmark of which is undetermined."""
     scene = bearslam.simulate("trajectory", 12, 10, noise=0.01, seed=4, sight=3.0)
     bearings = np.column_stack([scene.bearings, np.full(12, np.nan)])
     bearings[3, 10] = 0.5
@@ -440,7 +440,7 @@ def test_gtsam_reads_what_it_knows(solved, tmp_path):
 
 
 def test_g2o_reads_all_of_it(solved, tmp_path):
-    """The cost that g2o has for the file is the one that bearslam has."""
+    """The cost of the file by g2o's definitions is that of bearslam."""
     g2o = pytest.importorskip("g2opy")
     path = tmp_path / "map.g2o"
     solved.save(path)
@@ -452,7 +452,7 @@ def test_g2o_reads_all_of_it(solved, tmp_path):
     priors = len(solved.pose_priors) + len(solved.landmark_priors)
     assert len(edges) == len(solved.sightings) + len(solved.odometry) + priors
     optimizer.compute_active_errors()
-    # A landmark that is undetermined has a place all the same, and an error that nobody has.
+    # An undetermined landmark still has a vertex in the file, and an error that is not part of the cost.
     lost = m + n - 1
     chi2 = 0.0
     for edge in edges:

@@ -256,14 +256,14 @@ def test_a_sensor_sees_what_it_should(vehicle):
     ahead = landmarks[seen.landmark] - places[seen.view]
     error = seen.bearing - (np.arctan2(ahead[:, 1], ahead[:, 0]) - poses[seen.view, 2] - 0.4)
     np.testing.assert_allclose(np.sin(error / 2), 0, atol=1e-13)
-    # Everything still fits: the cost at the start is none.
+    # Everything still fits: the cost at the start is zero.
     result = bearslam.refine(moved)
     assert result.cost < 1e-20
     assert result.odometry is not None
 
 
 def test_covariances_are_those_of_the_sensor(vehicle):
-    """Draws of the vehicle's motion and place, taken to the sensor one by one, scatter as the covariances say."""
+    """Random motions and poses of the vehicle, converted one by one to the sensor, scatter as the covariances predict."""
     moved = in_sensor_frame(vehicle, SENSOR)
     rng = np.random.default_rng(2)
     noise = rng.normal(size=(200_000, 3)) * 1e-3
@@ -278,7 +278,7 @@ def test_covariances_are_those_of_the_sensor(vehicle):
 
     sensor = np.array(SENSOR)
     back = np.array([*(-np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]]) @ sensor[:2]), -0.4])
-    # A small motion in the frame of the measured end.
+    # The error as a small motion in the frame of the measured end.
     motion = compose(compose(compose(back, vehicle.odometry.delta[1]), noise * vehicle.odometry.sigma[1]), sensor)
     mean = moved.odometry.delta[1]
     np.testing.assert_allclose(motion.mean(axis=0), mean, atol=1e-5)

@@ -29,7 +29,7 @@ def landmark(k):
 
 
 def graph_of(sightings, odometry, first, chart=None):
-    """With the error of a motion in that chart, or as GTSAM has it."""
+    """The graph, with the error of a motion in that chart or by GTSAM's definition."""
     graph = gtsam.NonlinearFactorGraph()
     bearing = gtsam.noiseModel.Isotropic.Sigma(1, NOISE)
     motion = gtsam.noiseModel.Diagonal.Sigmas(np.array(SIGMA))
@@ -42,7 +42,7 @@ def graph_of(sightings, odometry, first, chart=None):
         else:
             error = functools.partial(chart, delta, keys)
             graph.add(gtsam.CustomFactor(motion, keys, lambda _, *rest, error=error: error(*rest)))
-    # Nothing pulls at the first pose but this, so it costs nothing.
+    # Nothing else constrains the first pose, so this prior has no cost.
     graph.add(gtsam.PriorFactorPose2(pose(0), gtsam.Pose2(*first), gtsam.noiseModel.Isotropic.Sigma(3, 1e-2)))
     return graph
 
@@ -57,7 +57,7 @@ def values_of(poses, landmarks):
 
 
 def problem(seed):
-    """A scene of which everything is seen often enough to be determined, its odometry, and a start near it."""
+    """A scene in which everything is seen often enough to be determined, its odometry, and a start near the truth."""
     scene = bearslam.simulate("trajectory", VIEWS, 40, noise=NOISE, seed=seed, sight=2.5)
     odometry = scene.odometry(SIGMA, seed=seed)
     random = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ def test_cost_of_a_map_and_of_the_minimum_from_the_same_start(seed, chart):
     assert graph.error(values_of(ours.poses, ours.landmarks)) == pytest.approx(ours.cost, rel=1e-9)
     theirs = minimum(graph_of(scene.sightings, odometry, poses[0], chart), values_of(poses, landmarks))
     assert ours.cost == pytest.approx(theirs, rel=1e-6)
-    # The logarithm turns a step by half the error of the heading: 0.005 rad of it, of either sign.
+    # The logarithm rotates a step by half the error of the heading: by up to 0.005 rad, of either sign.
     other = minimum(graph_of(scene.sightings, odometry, poses[0]), values_of(poses, landmarks))
     assert ours.cost == pytest.approx(other, rel=1e-4)
 
@@ -97,7 +97,7 @@ def test_covariances_with_the_first_pose_held(chart):
     graph.add(gtsam.PriorFactorPose2(pose(0), gtsam.Pose2(*ours.poses[0]), tight))
     marginals = gtsam.Marginals(graph, values_of(ours.poses, ours.landmarks))
     for view in (1, 30, 99):
-        # GTSAM steps in the frame of the pose, we in that of the map.
+        # GTSAM's covariance is in the frame of the pose, ours in that of the map.
         c, s = np.cos(ours.poses[view, 2]), np.sin(ours.poses[view, 2])
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         theirs = turn @ marginals.marginalCovariance(pose(view)) @ turn.T

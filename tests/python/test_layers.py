@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The Python package is built in layers: every module imports only those below it, so that there is no circle."""
+"""The Python package is built in layers: every module imports only those below it, so that there is no cycle."""
 
 import ast
 from collections.abc import Iterator
@@ -36,9 +36,9 @@ ORDER = """
     cli.solve cli.simulate cli.diagnose cli.convert cli.sweep cli.demo
     cli.main
 """.split()  # noqa: SIM905 - a list would take a line for each
-"""From the bottom up: a module may import only those that stand before it."""
+"""From the bottom up: a module may import only those listed before it."""
 OPTIONAL = {"dask", "gtsam", "matplotlib", "pandas", "rerun", "tqdm", "xarray"}
-"""Packages that only those who use them need: what imports them may be imported inside functions."""
+"""Optional packages: modules that import them may only be imported inside functions."""
 ROOT = {"", "__main__"}
 """They re-export what stands below and are imported by none of it."""
 
@@ -52,7 +52,7 @@ MODULES = {module_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def names_imported(path: Path, *, top: bool) -> Iterator[str]:
-    """Dotted names of all that a file imports, or with `top` of what it imports as soon as it is imported itself."""
+    """Dotted names of all that a file imports, or with `top` only of what it imports at module level."""
     waiting: list[ast.AST] = [ast.parse(path.read_bytes())]
     while waiting:
         node = waiting.pop()
@@ -74,7 +74,7 @@ def inside(path: Path, *, top: bool) -> Iterator[str]:
     for name in names_imported(path, top=top):
         root, _, rest = name.partition(".")
         if root == "bearslam" and not rest.startswith("_core"):
-            # `from bearslam.errors import BearslamError` is about the module, not about what it holds.
+            # `from bearslam.errors import BearslamError` counts as the module, not as the name in it.
             yield rest if rest in MODULES else rest.rpartition(".")[0]
 
 
@@ -88,7 +88,7 @@ IMPORTS_ON_TOP = {module: set(inside(path, top=True)) - {module} for module, pat
 
 
 def in_a_circle(imports: dict[str, set[str]]) -> set[str]:
-    """All modules that import themselves by way of others."""
+    """All modules that import themselves through others."""
     found = set()
     for module in imports:
         reached: set[str] = set()
@@ -134,7 +134,7 @@ def test_a_circle_is_seen():
 
 def test_late_imports_are_for_optional_packages():
     needs_them = {module for module in MODULES if any(one in OPTIONAL for one in outside(MODULES[module], top=True))}
-    for module in ORDER:  # from the bottom up, so that what needs them by way of others is known
+    for module in ORDER:  # from the bottom up, so that indirect needs are known
         if IMPORTS_ON_TOP[module] & needs_them:
             needs_them.add(module)
     assert not [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Folders of the UTIAS MRCLAM data sets: written by the tests with known truth, and the real one where it is."""
+"""Folders of the UTIAS MRCLAM data sets: written by the tests with known truth, and the real one if it is available."""
 
 import functools
 import gzip
@@ -31,7 +31,7 @@ def table(rows, form):
 
 
 class Robot:
-    """Drives along arcs: commands change at given times, and the robot does what they say `DELAY` later."""
+    """Drives along arcs: commands change at given times, and the robot follows them `DELAY` later."""
 
     def __init__(self, start, commands):
         self.start, self.commands = start, commands
@@ -370,7 +370,7 @@ def test_set_7_whole():
     angle = np.arctan2(away[:, 1], away[:, 0]) - truth.poses[seen.view, 2] - seen.bearing
     missed = np.degrees(np.angle(np.exp(1j * angle[np.isfinite(angle)])))
     assert len(angle) - len(missed) < 30
-    # As of single sightings at their own times: nothing is lost by taking them together.
+    # As for single sightings at their own times: nothing is lost by combining them.
     assert 1.4826 * np.median(np.abs(missed - np.median(missed))) == pytest.approx(0.52, abs=0.01)
     assert (np.abs(missed) > 5).mean() < 0.0011
 
@@ -434,11 +434,11 @@ def test_set_7_in_gtsam():
     problem = bearslam.load(SHARED, end=300.0, every=1.0)
     result = bearslam.solve(problem)
     graph, values = result.to_gtsam()
-    # The logarithm of the error of a motion differs by half the error of the heading, up to 0.1 rad here.
+    # The logarithm rotates the error of a motion by half the error of the heading, up to 0.1 rad here.
     assert graph.error(values) == pytest.approx(result.cost, rel=0.02)
     found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
     assert graph.error(found) == pytest.approx(result.cost, rel=0.02)
-    # The least cost is hardly below that of our map, in their terms too.
+    # By GTSAM's definition, too, the least cost is hardly below that of our map.
     assert graph.error(found) == pytest.approx(graph.error(values), rel=1e-3)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Covariances are what errors scatter by: normalised squared errors over 1000 scenes, as `benches/nees.py` has them.
+"""Covariances match the errors: normalised estimation errors squared over 1000 scenes, as in `benches/nees.py`.
 
 The bench also prints the 95 % band, in which one value of twenty is not.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The options of `solve`: their defaults are the core's, and a map remembers how it was found."""
+"""The options of `solve`: their defaults are the core's, and a map records the settings it was found with."""
 
 import dataclasses
 import json

@@ -120,7 +120,7 @@ def test_ellipses_go_with_the_map_over_the_truth():
     map_, truth = (np.concatenate([one.poses[:, :2], one.landmarks]) for one in (result, SCENE))
     similarity = bearslam.align(map_, truth)
     np.testing.assert_allclose(after.get_widths(), similarity.scale * before.get_widths(), rtol=1e-9)
-    # The first view is held: an ellipse without extent, whose angle means nothing.
+    # The first view is fixed: an ellipse without extent, whose angle is arbitrary.
     turned = np.radians(after.get_angles() - before.get_angles())[1:] - similarity.angle
     np.testing.assert_allclose(np.sin(turned), 0, atol=1e-6)
 
@@ -187,7 +187,7 @@ NOISE = [0.02, 0.02, 0.01]
 
 
 def way(views, landmarks=40, **options):
-    """Truth, odometry along it, and its map: a robot on a round, which sees all landmarks."""
+    """Truth, odometry along it, and its map: a robot on a loop that sees all landmarks."""
     scene = bearslam.simulate("trajectory", views, landmarks, noise=0.003, seed=2, **options)
     odometry = scene.odometry(NOISE, seed=1)
     return scene, odometry, bearslam.refine(scene.sightings, scene, sigma=0.003, odometry=odometry)

@@ -24,7 +24,7 @@ def motion(start, end):
 
 
 def squares(result, odometry):
-    """Twice the part of the cost that is the odometry's, by its definition."""
+    """Twice the cost of the odometry, by its definition."""
     predicted = motion(result.poses[odometry.start], result.poses[odometry.end])
     error = motion(odometry.delta, predicted)
     return ((error / odometry.sigma) ** 2).sum()
@@ -36,7 +36,7 @@ def test_odometry_of_a_scene_is_its_motion_with_noise():
     assert odometry.start.tolist() == list(range(1999))
     assert odometry.end.tolist() == list(range(1, 2000))
     error = motion(odometry.delta, motion(scene.poses[:-1], scene.poses[1:]))
-    # Four standard deviations of a deviation of 1999 draws: 6 %; noise turned by the motion's heading changes none.
+    # Four standard errors of a standard deviation from 1999 draws: 6 %, whatever the heading of the motion.
     np.testing.assert_allclose(error.std(axis=0), SIGMA, rtol=0.07)
     np.testing.assert_array_equal(scene.odometry(SIGMA, seed=3).delta, odometry.delta)
     assert (scene.odometry(SIGMA, seed=4).delta != odometry.delta).all()
@@ -105,7 +105,7 @@ def test_a_compass_and_one_known_pose():
     result = bearslam.solve(scene.bearings, sigma=NOISE, pose_priors=PosePriors(range(6), scene.poses, sigma))
     np.testing.assert_allclose(wrap(result.poses[:, 2] - scene.poses[:, 2]), 0, atol=1e-6)
     np.testing.assert_allclose(result.poses[2], scene.poses[2], atol=1e-6)
-    # Neither knows the scale: it is that of every reconstruction.
+    # Neither determines the scale: it is fixed as in every reconstruction.
     offsets = (result.poses - result.poses[0])[1:, :2]
     assert (offsets**2).sum(axis=1).mean() == pytest.approx(1.0, rel=1e-9)
 

@@ -124,7 +124,7 @@ def test_bad_names(views, message):
 
 
 def everything():
-    """A problem with all that there can be."""
+    """A problem with every field filled."""
     scene = bearslam.simulate("enclosed", 4, 6, noise=0.01, seed=1)
     seen = Sightings(*np.nonzero(np.isfinite(scene.bearings)), scene.bearings.ravel(), 0.01)
     return scene, {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Bearings of which some are wrong: found, named, and of no say in the map or its covariances."""
+"""Outliers: found, reported, and without influence on the map and its covariances."""
 
 import numpy as np
 import pytest

@@ -133,7 +133,7 @@ def test_sensitivity_and_uncertainty_tell_what_to_expect():
             ]
         )
         ratios.append(np.linalg.norm(away) / similarity.scale / size / result.sensitivity)
-    # The worst direction makes most of the error; the gauge and the measure of size are known to a factor.
+    # The worst direction dominates the error; the gauge and the measure of size leave a factor open.
     assert 0.2 < np.median(ratios) < 5
 
 

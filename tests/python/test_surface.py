@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""What a user sees of the package: what there is to call, and nothing else."""
+"""What a user sees of the package: the public names, and nothing else."""
 
 import importlib
 import importlib.metadata

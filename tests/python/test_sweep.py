@@ -243,11 +243,11 @@ def progress(stage, done, total):
         timer.start()
 
 if __name__ == "__main__":
-    # Where the tests run in the background the signal is ignored from the start.
+    # If the tests run in the background, the signal is ignored from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = None
     pool = ProcessPoolExecutor(2, get_context("spawn")) if sys.argv[1] == "pool" else None
-    # Chunks of one scene and scenes that take long: an interruption has to reach into them.
+    # Chunks of one scene, and scenes that take long: an interruption has to stop the work inside them.
     result = bearslam.sweep("mixed", [8, 60], [15, 60], 0.02, trials=10**4, chunk=1, executor=pool, progress=progress)
     print(time.monotonic() - start, int(result.done.sum()), result.complete, flush=True)
     if pool is not None:

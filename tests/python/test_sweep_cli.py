@@ -100,7 +100,7 @@ def sweep(*arguments, sweep=bearslam.cli.sweep.sweep, **options):
     return sweep(*arguments, **options)
 
 if __name__ == "__main__":
-    # Where the tests run in the background the signal is ignored from the start.
+    # If the tests run in the background, the signal is ignored from the start.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     bearslam.cli.sweep.sweep = sweep
     sys.exit(bearslam.cli.main.main(sys.argv[1:]))
@@ -136,7 +136,7 @@ def test_ctrl_c_prints_and_saves_what_is_done(tmp_path, how):
             printed, err = process.communicate(timeout=60)
         finally:
             process.kill()
-    # A second is what a person takes for at once; the machine may be busy.
+    # Within a second, which a person perceives as immediate; the machine may be busy.
     assert time.monotonic() - start < 3.0
     assert process.returncode == 130
     part = SweepResult.load(out)

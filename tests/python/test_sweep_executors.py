@@ -144,7 +144,7 @@ def test_a_chunk_that_fails_again_and_again_ends_the_sweep():
     with pytest.raises(ExecutorError, match=message) as caught:
         bearslam.sweep(**ARGUMENTS, executor=OneBad(RETRIES + 1))
     assert isinstance(caught.value.__cause__, OSError)
-    # All that had been done is there, whether it had been looked at or not.
+    # All finished chunks are in the result, including those not collected yet.
     assert caught.value.result.done.sum() == 160 - 2 * 8
 
 
@@ -218,7 +218,7 @@ if __name__ == "__main__":
 
 def test_a_dask_cluster_that_loses_a_worker_finds_the_same(expected, tmp_path):
     pytest.importorskip("distributed")
-    # In a process of its own: what a cluster leaves behind is no matter of other tests.
+    # In a process of its own, so that what a cluster leaves behind does not affect other tests.
     script, out = tmp_path / "script.py", tmp_path / "result.npz"
     script.write_text(CLUSTER)
     subprocess.run([sys.executable, script, out], check=True, timeout=100, capture_output=True, cwd=tmp_path)

@@ -25,7 +25,7 @@ def distance(found, expected):
 
 
 def equally_signed(solution, bearings):
-    """The poses of a solution and those with the views turned whose sightings point either way equally often."""
+    """The poses of a solution, also with those views rotated by pi whose sightings point either way equally often."""
     away = solution.landmarks[None] - solution.poses[:, None, :2]
     forwards = np.cos(np.arctan2(away[..., 1], away[..., 0]) - solution.poses[:, 2:] - bearings) > 0
     tied = 2 * forwards.sum(axis=1) == forwards.shape[1]
@@ -61,7 +61,7 @@ def test_the_tensor_is_that_of_the_null_vector(reference):
         v = np.array(record["null_vector"])
         tensor = bearslam.trifocal_tensor(record["bearings"], reweights=0)
         assert np.linalg.norm(tensor) == pytest.approx(1.0, abs=1e-12)
-        # Both are the same form in the bearings, up to one factor: compare what they say of other bearings.
+        # Both are the same trilinear form in the bearings, up to a factor: compare their values at other bearings.
         other = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, 40))
         a, b, c = other
         u, w, z = np.stack([np.cos(other), np.sin(other)], axis=1)

@@ -26,7 +26,7 @@ def optimum(graph, values):
 
 
 def check(result, rel=1e-6, extra=0.0):
-    """GTSAM has our cost at our map, and finds nothing better, from there and from beside it."""
+    """GTSAM has our cost at our map, and finds no lower minimum, from there and from nearby."""
     import gtsam
 
     graph, values = result.to_gtsam()
@@ -34,7 +34,7 @@ def check(result, rel=1e-6, extra=0.0):
     assert graph.error(values) == pytest.approx(ours, rel=rel)
     found = optimum(graph, values)
     assert graph.error(found) == pytest.approx(ours, rel=rel)
-    # Gauss-Newton fails where anything is left open.
+    # Gauss-Newton fails if any gauge freedom is left.
     graph.error(gtsam.GaussNewtonOptimizer(graph, values).optimize())
     random = np.random.default_rng(0)
     beside = moved(values, random)
@@ -176,7 +176,7 @@ def test_everything_at_once():
 
 @needs_gtsam
 def test_known_poses_with_covariances():
-    """Theirs is the logarithm of the error, so that the costs agree only to first order."""
+    """GTSAM uses the logarithm of the error, so the costs agree only to first order."""
     scene = bearslam.simulate("enclosed", 8, 12, noise=NOISE, seed=3)
     random = np.random.default_rng(0)
     root = random.normal(0, 0.02, (3, 3, 3))
@@ -188,7 +188,7 @@ def test_known_poses_with_covariances():
 
 
 def with_chart(graph, odometry, chart):
-    """The same graph with the error of a motion as x, y and theta, as bearslam has it."""
+    """The same graph with the error of a motion as x, y and theta, bearslam's definition."""
     import gtsam
 
     other = gtsam.NonlinearFactorGraph()
@@ -213,7 +213,7 @@ def test_odometry(full, chart):
         covariance = np.diag(np.square(SIGMA)) + 1e-4 * np.ones((3, 3))
         odometry = bearslam.Odometry(odometry.start, odometry.end, odometry.delta, np.tile(covariance, (59, 1, 1)))
     result = bearslam.solve(scene.bearings, sigma=NOISE, odometry=odometry)
-    # The logarithm turns a step by half the error of the heading: 0.005 rad of it, of either sign.
+    # The logarithm rotates a step by half the error of the heading: by up to 0.005 rad, of either sign.
     graph, _ = check(result, rel=1e-3)
     assert kinds(graph)["BetweenFactorPose2"] == 59
     assert "RangeFactorPose2" not in kinds(graph)
@@ -282,7 +282,7 @@ def test_without_gtsam(monkeypatch):
 
 @needs_gtsam
 def test_what_is_half_known_is_not_held_as_well():
-    """Of a known y the standard deviation stays what it is, though x is held."""
+    """The standard deviation of a known y is kept, although x is fixed by the gauge."""
     import gtsam
 
     noise = np.radians(0.5)

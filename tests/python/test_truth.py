@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""True maps in files, in the order of a problem, and what the command line says of them."""
+"""True maps in files, in the order of a problem, and what the command line reports on them."""
 
 import gzip
 import json
@@ -130,7 +130,7 @@ def test_other_names_and_no_file(scene, tmp_path):
 
 @pytest.fixture
 def folder(tmp_path):
-    """Motion capture every 0.1 s, from 10 to 13 s but for 0.6 s from 11.2 s on, of a robot that turns through pi."""
+    """Motion capture every 0.1 s from 10 to 13 s, with a gap of 0.6 s from 11.2 s, of a robot that turns through pi."""
     times = [t for t in np.arange(10, 13.05, 0.1).round(3).tolist() if not 11.25 < t < 11.75]
     rows = [f"{t} {t - 10} {2 * (t - 10)} {np.angle(np.exp(1j * (3.0 + 0.1 * (t - 10))))}\n" for t in times]
     (tmp_path / "Robot3_Groundtruth.dat").write_text(HEADER + "".join(rows))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Trajectories in the format of the TUM benchmark, read back as anybody would."""
+"""Trajectories in the format of the TUM benchmark, read back with NumPy."""
 
 import numpy as np
 import pytest

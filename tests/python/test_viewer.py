@@ -23,7 +23,7 @@ def result():
 
 @pytest.fixture
 def recorded(tmp_path):
-    """Writes a recording and reads it: for each entity what stands still, and what changes from view to view."""
+    """Write a recording and read it: for each entity the static data, and the data that change from view to view."""
     pytest.importorskip("rerun", minversion="0.24")
     chunk = pytest.importorskip("rerun.chunk", reason="this version has no reader of recordings")
 
