@@ -263,7 +263,7 @@ def test_a_sensor_sees_what_it_should(vehicle):
 
 
 def test_covariances_are_those_of_the_sensor(vehicle):
-    """Random motions and poses of the vehicle, converted one by one to the sensor, scatter as the covariances predict."""
+    """Random motions and poses of the vehicle, converted to the sensor, scatter as the covariances predict."""
     moved = in_sensor_frame(vehicle, SENSOR)
     rng = np.random.default_rng(2)
     noise = rng.normal(size=(200_000, 3)) * 1e-3
