@@ -13,7 +13,8 @@ mod sentences;
 mod shapes;
 mod verdict;
 
-pub use diagnose::diagnose;
+pub use diagnose::{diagnose, diagnose_with};
 pub use finding::{Finding, Kind, Severity};
+pub use options::{DiagnosisOptions, MapOptions, ShapeOptions, VerdictOptions};
 pub use parts::components::Part;
 pub use report::{Diagnosis, NullDirection};

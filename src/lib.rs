@@ -85,7 +85,10 @@ pub use adjustment::{Report, refine_map};
 #[cfg(feature = "rayon")]
 pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
-pub use diagnosis::{Diagnosis, Finding, Kind, NullDirection, Part, Severity, diagnose};
+pub use diagnosis::{
+    Diagnosis, DiagnosisOptions, Finding, Kind, MapOptions, NullDirection, Part, Severity,
+    ShapeOptions, VerdictOptions, diagnose, diagnose_with,
+};
 pub use error::{Degeneracy, Error};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
@@ -101,6 +104,13 @@ pub use lm::{Loss, Observer, Outcome, RefineOptions, Termination};
 pub use problem::{
     IndexedSighting, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Sighting, Subject,
     Undetermined, Why,
+};
+#[cfg(feature = "alloc")]
+pub use reconstruction::{
+    AveragingOptions, DrawOptions, HypothesisOptions, IncrementalOptions, InfinityOptions,
+    JudgeOptions, LandmarkMoveOptions, MinimaOptions, OdometryGrowthOptions, OdometrySweepOptions,
+    PositionOptions, PosteriorOptions, RelativeHeadingOptions, RobustGrowthOptions, RobustOptions,
+    SightOptions, StageOptions, StrideOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

@@ -12,9 +12,23 @@ mod options;
 mod result;
 mod robust;
 pub(crate) mod search;
+mod sight;
 mod solve;
+mod stages;
 pub(crate) mod strategy;
 
+pub use global::options::{AveragingOptions, PositionOptions, RelativeHeadingOptions};
+pub use incremental::options::IncrementalOptions;
+pub use infinity::InfinityOptions;
+pub use judge::JudgeOptions;
+pub use odometry::options::{
+    OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
+    StrideOptions,
+};
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
+pub use robust::options::RobustOptions;
+pub use search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
+pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};
+pub use stages::StageOptions;

@@ -55,10 +55,23 @@ pub fn diagnose(
     diagnose_with(problem, map, &DiagnosisOptions::default(), progress)
 }
 
-/// The diagnosis by other thresholds.
+/// As [`diagnose`], by other thresholds.
 ///
 /// # Errors
 /// As [`diagnose`].
+///
+/// # Example
+/// ```
+/// use bearslam::{Arena, DiagnosisOptions, Layout, Problem, diagnose_with, simulate};
+/// let scene = simulate(Layout::Mixed, 6, 9, 0.01, 7, Arena::default())?;
+/// let problem = Problem::dense(6, 9, &scene.bearings, 0.01)?;
+/// let mut options = DiagnosisOptions::default();
+/// assert!(diagnose_with(&problem, None, &options, None)?.directions.is_empty());
+/// // What is not known to a part in a million is called weak.
+/// options.shapes.weak = 1e-6;
+/// assert!(!diagnose_with(&problem, None, &options, None)?.directions.is_empty());
+/// # Ok::<(), bearslam::Error>(())
+/// ```
 pub fn diagnose_with(
     problem: &Problem,
     map: Option<&Map>,

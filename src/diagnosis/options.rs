@@ -6,8 +6,10 @@
 //! and without odometry; 756 diagnoses. Numbers on which no finding depends (rounding, steps of an iteration that
 //! has converged) stand where they are used.
 
-/// All of it.
+/// Options of [`diagnose_with`](crate::diagnose_with).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct DiagnosisOptions {
     /// How a map is examined.
     pub shapes: ShapeOptions,
@@ -19,6 +21,8 @@ pub struct DiagnosisOptions {
 
 /// When a direction is weak, and when a map has a shape that explains it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct ShapeOptions {
     /// A direction is weak when the predicted standard deviation of the map along it exceeds this share of its size.
     /// A fifth: beyond it the linearization that predicts it is worth little. The same as the bound of
@@ -83,6 +87,8 @@ impl ShapeOptions {
 /// Which map is looked at: one that is given, one that the search finds, or another that explains the bearings as well
 /// and shows more.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct MapOptions {
     /// Two maps explain the bearings equally well up to this ratio of their residuals. Three: with few sightings beyond
     /// the unknowns, residuals of equally good maps differ that much by chance. Half changes nothing, double one
@@ -144,6 +150,8 @@ impl Default for MapOptions {
 
 /// What is said of a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct VerdictOptions {
     /// Residuals \[rad\], root mean square, above which a map is no evidence: six degrees, as
     /// [`ShapeOptions::max_noise`].

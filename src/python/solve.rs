@@ -8,7 +8,7 @@ use super::reconstruction::{self, RawReconstruction};
 use super::request::Request;
 use crate::{
     Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, SearchOptions,
-    SolveOptions, Strategy,
+    SolveOptions, StageOptions, Strategy,
 };
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -147,6 +147,7 @@ impl Settings {
             refine: self.refine_options(py)?,
             seed: self.seed,
             robust: self.robust,
+            stages: StageOptions::default(),
         })
     }
 

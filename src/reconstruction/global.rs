@@ -7,10 +7,11 @@
 //! positions and landmarks.
 
 mod headings;
+pub(crate) mod options;
 mod positions;
 mod relative;
 
-use super::options::{Progress, report_progress};
+use super::options::{Progress, SolveOptions, report_progress};
 use crate::error::Error;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
@@ -26,7 +27,7 @@ const MAX_VIEWS: usize = 1024;
 /// none can.
 pub fn starts(
     problem: &Problem,
-    seed: u64,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     // The signs of the bearings distinguish the branches of most triples, and give the linear system its direction.
@@ -42,7 +43,8 @@ pub fn starts(
             got: problem.views(),
         });
     }
-    let relatives = relative::relatives(problem, seed, progress)?;
+    let stages = &options.stages;
+    let relatives = relative::relatives(problem, options, progress)?;
     let mut maps = Vec::new();
     let total = problem.views();
     let mut done = 0;
@@ -51,8 +53,8 @@ pub fn starts(
             return Err(Error::Interrupted);
         }
         done += group.len();
-        let headings = headings::average(problem.views(), &relatives, &group);
-        maps.extend(positions::solve(problem, &headings));
+        let headings = headings::average(problem.views(), &relatives, &group, &stages.averaging);
+        maps.extend(positions::solve(problem, &headings, &stages.positions));
     }
     Ok(maps)
 }

@@ -5,16 +5,15 @@ mod complete;
 mod gates;
 mod growth;
 mod merge;
-mod options;
+pub(crate) mod options;
 mod place;
 mod seeds;
 
 use super::incremental::complete::finish;
 use super::incremental::growth::IncrementalGrowth;
 use super::incremental::merge::{best, merge, views};
-use super::incremental::options::IncrementalOptions;
-use super::judge::{SAME_COST, is_as_good, is_plausible, same, variance};
-use super::options::Progress;
+use super::judge::{JudgeOptions, SAME_COST, is_as_good, is_plausible, same, variance};
+use super::options::{Progress, SolveOptions};
 use super::result::Reconstruction;
 use crate::error::Error;
 use crate::lm::{RefineOptions, Termination};
@@ -29,12 +28,10 @@ use alloc::vec::Vec;
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`]; why no triple of views can start a map, when none can.
 pub fn grow(
     problem: &Problem,
-    refine: &RefineOptions,
-    seed: u64,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
-    let options = &stage_options(refine);
-    let seeds = seeds::seeds(problem, options, seed)?;
+    let seeds = seeds::seeds(problem, options)?;
     let mut free = vec![true; problem.views()];
     let mut found: Vec<Reconstruction> = Vec::new();
     while let Some(map) = component(problem, options, &seeds, &free, progress)? {
@@ -52,11 +49,10 @@ pub fn grow(
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn finish_all(
     problem: &Problem,
-    refine: &RefineOptions,
+    options: &SolveOptions,
     starts: Vec<Map>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
-    let options = &stage_options(refine);
     let mut free = vec![true; problem.views()];
     for pose in starts.iter().flat_map(|map| map.poses.iter().enumerate()) {
         free[pose.0] &= pose.1.is_none();
@@ -81,15 +77,13 @@ pub fn finish_all(
 /// As [`grow`].
 pub fn first(
     problem: &Problem,
-    refine: &RefineOptions,
-    seed: u64,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Map>, Error> {
-    let options = &stage_options(refine);
     let free = vec![true; problem.views()];
-    for views in seeds::seeds(problem, options, seed)?
+    for views in seeds::seeds(problem, options)?
         .into_iter()
-        .take(options.seeds)
+        .take(options.stages.incremental.seeds)
     {
         if let Some(map) = from_seed(problem, options, views, &free, progress)?
             .into_iter()
@@ -101,34 +95,28 @@ pub fn first(
     Ok(None)
 }
 
-/// The options of this stage for those of the refinement.
-fn stage_options(refine: &RefineOptions) -> IncrementalOptions {
-    IncrementalOptions {
-        refine: *refine,
-        ..IncrementalOptions::default()
-    }
-}
-
 /// The best map of views that are free: from several seeds, until one is beyond doubt.
 fn component(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &SolveOptions,
     seeds: &[[usize; 3]],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let mut found: Vec<Reconstruction> = Vec::new();
     let mut unfinished: Vec<Reconstruction> = Vec::new();
-    let first = IncrementalOptions {
+    let SolveOptions { refine, stages, .. } = options;
+    let stage = &stages.incremental;
+    let first = SolveOptions {
         refine: RefineOptions {
-            max_iterations: options.refine.max_iterations.min(options.first_iterations),
-            ..options.refine
+            max_iterations: refine.max_iterations.min(stage.first_iterations),
+            ..*refine
         },
         ..*options
     };
     // Seeds have no view in common, as far as there are such.
     let mut used = vec![false; problem.views()];
-    for _ in 0..options.seeds {
+    for _ in 0..stage.seeds {
         let fresh = |views: &&[usize; 3]| views.iter().all(|&view| free[view] && !used[view]);
         let Some(&views) = seeds.iter().find(fresh) else {
             break;
@@ -148,36 +136,38 @@ fn component(
                 unfinished.push(map);
                 continue;
             }
-            let beyond_doubt = is_plausible(&map) || confirms(&found, &map);
+            let beyond_doubt =
+                is_plausible(&map, &stages.judge) || confirms(&found, &map, &stages.judge);
             found.push(map);
             if beyond_doubt {
-                return Ok(best(problem, options, found));
+                return Ok(best(problem, stage, found));
             }
         }
     }
     // Only those go on that may still become the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = gates::rounding(problem);
-    unfinished.retain(|map| is_as_good(variance(map), least, options.hopeless_ratio, rounding));
+    unfinished.retain(|map| is_as_good(variance(map), least, stage.hopeless_ratio, rounding));
     unfinished.sort_by(|a, b| variance(a).total_cmp(&variance(b)));
-    for map in unfinished.into_iter().take(options.max_finished) {
+    for map in unfinished.into_iter().take(stage.max_finished) {
         found.extend(finish(problem, options, map.map, free, progress)?);
     }
-    Ok(best(problem, options, found))
+    Ok(best(problem, stage, found))
 }
 
 /// The maps that a seed grows to: one, or two when neither branch is clearly better.
 fn from_seed(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &SolveOptions,
     views: [usize; 3],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
+    let stage = &options.stages.incremental;
     let mut growths = Vec::new();
     for map in seeds::begin(problem, views) {
         if let Some(mut growth) = IncrementalGrowth::new(problem, options, free, map)? {
-            growth.grow(options.views_before_choice, progress)?;
+            growth.grow(stage.views_before_choice, progress)?;
             let noise = growth.noise();
             let variance = noise * noise;
             growths.push((growth.reached(), variance, growth));
@@ -188,7 +178,7 @@ fn from_seed(
         return Ok(Vec::new());
     };
     growths.retain(|growth| {
-        growth.0 == reached && growth.1 < options.clear_ratio * variance.max(f64::MIN_POSITIVE)
+        growth.0 == reached && growth.1 < stage.clear_ratio * variance.max(f64::MIN_POSITIVE)
     });
     let mut maps = Vec::new();
     for (_, _, mut growth) in growths {
@@ -199,10 +189,12 @@ fn from_seed(
 }
 
 /// Whether a map is the lowest known, and another seed has led to it before.
-fn confirms(others: &[Reconstruction], found: &Reconstruction) -> bool {
+fn confirms(others: &[Reconstruction], found: &Reconstruction, judge: &JudgeOptions) -> bool {
     let reached = views(found);
     others
         .iter()
         .all(|other| views(other) < reached || other.cost >= found.cost * SAME_COST)
-        && others.iter().any(|other| same(&other.map, &found.map))
+        && others
+            .iter()
+            .any(|other| same(&other.map, &found.map, judge))
 }

@@ -8,10 +8,12 @@ use crate::problem::{Problem, Subject, Undetermined, Why};
 use crate::uncertainty::unbounded_landmarks;
 
 /// Options of the decision that a landmark is at infinity.
-#[derive(Clone, Copy, Debug)]
-struct InfinityOptions {
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct InfinityOptions {
     /// Root mean square of the residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
-    plausible_rms: f64,
+    pub plausible_rms: f64,
 }
 
 impl Default for InfinityOptions {
@@ -23,11 +25,15 @@ impl Default for InfinityOptions {
 /// Takes landmarks at infinity out of a refined map: their range means nothing.
 ///
 /// Their bearings have been used: they determine the headings, and the cost counts them.
-pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction) {
+pub fn drop_landmarks_at_infinity(
+    problem: &Problem,
+    found: &mut Reconstruction,
+    options: &InfinityOptions,
+) {
     // Exact bearings leave no noise to judge by, and of a map that explains nothing no landmark is known.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
-        || found.rms > InfinityOptions::default().plausible_rms
+        || found.rms > options.plausible_rms
     {
         return;
     }

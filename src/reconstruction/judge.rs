@@ -12,24 +12,26 @@ use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
 
 /// What is asked of a map.
-#[derive(Clone, Copy, Debug)]
-struct JudgeOptions {
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct JudgeOptions {
     /// Fewest degrees of freedom with which the cost alone identifies the right minimum.
-    telling_freedom: usize,
+    pub telling_freedom: usize,
     /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
-    plausible_deviations: f64,
+    pub plausible_deviations: f64,
     /// A map is a rival of another when its variance is at most this many times the other's: three times the
     /// residuals.
-    rival_ratio: f64,
+    pub rival_ratio: f64,
     /// Positions over the size of the map, and headings \[rad\], by which two maps of one minimum differ less.
-    same: f64,
+    pub same: f64,
     /// Sightings for each outlier, of which a plausible robust map has at least so many: `robust` is for up to a third.
-    sightings_per_outlier: usize,
+    pub sightings_per_outlier: usize,
     /// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a tenth,
     /// scenes with three outliers in ten one or more.
-    spare_per_outlier: f64,
+    pub spare_per_outlier: f64,
     /// So few outliers are no sign of chance, however few bearings there are.
-    few_outliers: usize,
+    pub few_outliers: usize,
 }
 
 impl Default for JudgeOptions {
@@ -116,8 +118,7 @@ fn mean_weight(problem: &Problem) -> f64 {
 
 /// Whether the cost of a map from bearings alone is what the standard deviations of the sightings predict for
 /// the right minimum, neither above nor below it. No wrong minimum comes so close.
-pub fn is_plausible(found: &Reconstruction) -> bool {
-    let options = JudgeOptions::default();
+pub fn is_plausible(found: &Reconstruction, options: &JudgeOptions) -> bool {
     let bound = options.plausible_deviations;
     let freedom = found.freedom as f64;
     let deviation = (2.0 * found.cost - freedom).abs();
@@ -129,8 +130,8 @@ pub fn is_plausible(found: &Reconstruction) -> bool {
 
 /// Whether the cost of a map with odometry and priors is no more than the standard deviations predict, and it
 /// reaches all that any start would. A lower cost is no objection.
-pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
-    let bound = JudgeOptions::default().plausible_deviations;
+pub fn is_plausible_posterior(found: &Reconstruction, options: &JudgeOptions) -> bool {
+    let bound = options.plausible_deviations;
     let freedom = found.freedom as f64;
     let excess = 2.0 * found.cost - freedom;
     let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
@@ -144,7 +145,7 @@ pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
 ///
 /// Its cost is not looked at: real standard deviations are never exact, whereas a wrong map has many outliers
 /// whatever they are.
-pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
+pub fn is_plausible_consensus(found: &Reconstruction, options: &JudgeOptions) -> bool {
     // No start would reach these, or their sightings are among the outliers that are counted.
     let hopeless = |one: &Undetermined| {
         matches!(
@@ -155,7 +156,7 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
     let (_, outliers) = inliers_and_outliers(found);
     found.termination.was_successful()
         && found.undetermined.iter().all(hopeless)
-        && JudgeOptions::default().sightings_per_outlier * outliers <= found.inliers.len()
+        && options.sightings_per_outlier.saturating_mul(outliers) <= found.inliers.len()
 }
 
 /// Refuses a map that chance explains: for any bearings, even random ones, there is a map with which as many of
@@ -163,8 +164,7 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
-pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
-    let options = JudgeOptions::default();
+pub fn refuse_chance(found: &Reconstruction, options: &JudgeOptions) -> Result<(), Error> {
     let (inliers, outliers) = inliers_and_outliers(found);
     let share = found.freedom as f64 / outliers as f64;
     refuse_if(
@@ -179,10 +179,10 @@ pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
-pub fn refuse_minority(found: &Reconstruction) -> Result<(), Error> {
+pub fn refuse_minority(found: &Reconstruction, options: &JudgeOptions) -> Result<(), Error> {
     let (inliers, outliers) = inliers_and_outliers(found);
     refuse_if(
-        outliers > inliers && outliers > JudgeOptions::default().few_outliers,
+        outliers > inliers && outliers > options.few_outliers,
         found,
         inliers,
     )
@@ -205,8 +205,8 @@ fn inliers_and_outliers(found: &Reconstruction) -> (usize, usize) {
 }
 
 /// Whether two normalised maps are the same minimum.
-pub fn same(a: &Map, b: &Map) -> bool {
-    near(a, b, JudgeOptions::default().same)
+pub fn same(a: &Map, b: &Map, options: &JudgeOptions) -> bool {
+    near(a, b, options.same)
 }
 
 /// Whether all poses of two normalised maps differ by less than a bound.
@@ -222,8 +222,12 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
 }
 
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
-pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Reconstruction, Error> {
-    let ratio = JudgeOptions::default().rival_ratio;
+pub fn choose(
+    problem: &Problem,
+    mut found: Vec<Reconstruction>,
+    options: &JudgeOptions,
+) -> Result<Reconstruction, Error> {
+    let ratio = options.rival_ratio;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = rounding(mean_weight(problem));
     // Of those that fit about as well as the best, the one that reaches most.
@@ -247,7 +251,9 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
         let known = core::iter::once(&best).chain(&best.alternatives);
         if is_as_good(variance(&rival), least, ratio, rounding)
             && missing(&rival) == missing(&best)
-            && known.into_iter().all(|other| !same(&rival.map, &other.map))
+            && known
+                .into_iter()
+                .all(|other| !same(&rival.map, &other.map, options))
         {
             best.alternatives.push(rival);
         }

@@ -3,6 +3,7 @@
 
 mod growth;
 mod least_squares;
+pub(crate) mod options;
 pub(crate) mod posterior;
 mod robust_start;
 mod sweeps;

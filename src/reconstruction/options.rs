@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What a caller may choose, and how it is told of progress.
 
+use super::stages::StageOptions;
 use crate::kernels::Method;
 use crate::lm::RefineOptions;
 
@@ -70,6 +71,8 @@ pub struct SolveOptions {
     /// strategy applies to the final search over the inliers. [`initialize`](crate::initialize) ignores
     /// this option.
     pub robust: bool,
+    /// Thresholds of the stages, for experiments: the defaults suit any problem.
+    pub stages: StageOptions,
 }
 
 impl Default for SolveOptions {
@@ -80,6 +83,7 @@ impl Default for SolveOptions {
             refine: RefineOptions::default(),
             seed: 0,
             robust: false,
+            stages: StageOptions::default(),
         }
     }
 }

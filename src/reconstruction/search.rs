@@ -5,6 +5,7 @@ pub(crate) mod first_three;
 pub(crate) mod hypotheses;
 mod landmark_moves;
 pub(crate) mod minima;
+pub(crate) mod options;
 pub(crate) mod plain;
 pub(crate) mod tensor_circle;
 pub(crate) mod triples;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The public verbs: a first map, the refinement of a start, and the best map from nothing.
 
-use super::infinity::drop_landmarks_at_infinity;
+use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
 use super::options::{Progress, SolveOptions, report_progress};
@@ -59,7 +59,7 @@ pub fn initialize(
             },
         )
     });
-    choose(problem, judged.collect())
+    choose(problem, judged.collect(), &options.stages.judge)
 }
 
 /// Refines a start: one map, no search.
@@ -91,7 +91,7 @@ pub fn refine(
         }
     }
     let mut found = Reconstruction::new(problem, &map, report);
-    drop_landmarks_at_infinity(problem, &mut found);
+    drop_landmarks_at_infinity(problem, &mut found, &InfinityOptions::default());
     assess(problem, &mut found);
     Ok(found)
 }

@@ -8,51 +8,17 @@ use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::search::hypotheses::{self, MIN_SHARED};
 use super::search::{first_three, plain};
+use super::sight::is_limited;
 use super::{global, incremental};
 use crate::error::{Degeneracy, Error};
 use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// The rule of [`is_limited`].
-#[derive(Clone, Copy, Debug)]
-struct SightOptions {
-    /// Sight is limited with more views than this: no triple knows much of the whole.
-    many_views: usize,
-    /// With fewer views than this it is not.
-    few_views: usize,
-    /// In between it is when the views see less than this part of the landmarks on average.
-    filled: f64,
-}
-
-impl Default for SightOptions {
-    fn default() -> Self {
-        Self {
-            many_views: 40,
-            few_views: 8,
-            filled: 0.6,
-        }
-    }
-}
-
-/// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
-/// the landmarks on average.
-///
-/// A triple of views then knows little of the whole, and a map that is grown from it without refinement
-/// in between drifts. Views and landmarks without sightings do not count.
-fn is_limited(problem: &Problem) -> bool {
-    let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
-    let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
-    let (views, landmarks) = (views.count(), landmarks.count());
-    let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
-    let options = SightOptions::default();
-    views > options.many_views || (views >= options.few_views && filled < options.filled)
-}
-
 /// The strategy that is effective: the search gives way to growth under limited sight.
-fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
-    match strategy {
-        Strategy::Search if is_limited(problem) => Strategy::Incremental,
+fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
+    match options.strategy {
+        Strategy::Search if is_limited(problem, &options.stages.sight) => Strategy::Incremental,
         other => other,
     }
 }
@@ -80,7 +46,7 @@ pub fn lowest(
 ) -> Result<Reconstruction, Error> {
     let mut maps = components(problem, options, progress)?;
     for map in &mut maps {
-        drop_landmarks_at_infinity(problem, map);
+        drop_landmarks_at_infinity(problem, map, &options.stages.infinity);
     }
     for map in maps.iter_mut().skip(1) {
         assess(problem, map);
@@ -94,7 +60,7 @@ pub fn lowest(
             plain::from_map(problem, map, options, progress)
         }
         Strategy::Search => plain::lowest(problem, options, progress),
-        Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
+        Strategy::Incremental | Strategy::Global => Err(no_map(problem, options)),
     }
 }
 
@@ -105,12 +71,11 @@ fn components(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
-    let SolveOptions { refine, seed, .. } = options;
-    match effective(problem, options.strategy) {
-        Strategy::Incremental => incremental::grow(problem, refine, *seed, progress),
+    match effective(problem, options) {
+        Strategy::Incremental => incremental::grow(problem, options, progress),
         Strategy::Global => {
-            let starts = global::starts(problem, *seed, progress)?;
-            incremental::finish_all(problem, refine, starts, progress)
+            let starts = global::starts(problem, options, progress)?;
+            incremental::finish_all(problem, options, starts, progress)
         }
         Strategy::Search | Strategy::FirstViews(_) => Ok(Vec::new()),
     }
@@ -125,10 +90,11 @@ pub fn first_maps(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    let SolveOptions { refine, seed, .. } = options;
-    let grown = match effective(problem, options.strategy) {
-        Strategy::Incremental => incremental::first(problem, refine, *seed, progress)?,
-        Strategy::Global => global::starts(problem, *seed, progress)?.into_iter().next(),
+    let grown = match effective(problem, options) {
+        Strategy::Incremental => incremental::first(problem, options, progress)?,
+        Strategy::Global => global::starts(problem, options, progress)?
+            .into_iter()
+            .next(),
         Strategy::Search | Strategy::FirstViews(_) => None,
     };
     if let Some(map) = grown {
@@ -139,17 +105,17 @@ pub fn first_maps(
             problem, method,
         )?]),
         Strategy::Search => {
-            let found = hypotheses::search(problem, &options.search, *seed, progress)?;
+            let found = hypotheses::search(problem, options, progress)?;
             let maps = found.maps.into_iter().take(2);
             Ok(maps.map(|hypothesis| hypothesis.map).collect())
         }
-        Strategy::Incremental | Strategy::Global => Err(no_map(problem)),
+        Strategy::Incremental | Strategy::Global => Err(no_map(problem, options)),
     }
 }
 
 /// Why growth and the global method have found no map.
-fn no_map(problem: &Problem) -> Error {
-    match hypotheses::too_few(problem, MIN_SHARED) {
+fn no_map(problem: &Problem, options: &SolveOptions) -> Error {
+    match hypotheses::too_few(problem, MIN_SHARED, &options.stages.draw) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
             kind: Degeneracy::NoSpareSighting,
             value: 0.0,

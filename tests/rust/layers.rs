@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
 /// those before it.
-const ROOMS: [&str; 33] = [
+const ROOMS: [&str; 40] = [
     "scalar",
     "float",
     "error",
@@ -23,11 +23,18 @@ const ROOMS: [&str; 33] = [
     "adjustment",
     "uncertainty",
     "simulate",
-    "reconstruction/options",
     "reconstruction/result",
     "reconstruction/attempt",
     "reconstruction/judge",
     "reconstruction/infinity",
+    "reconstruction/sight",
+    "reconstruction/search/options",
+    "reconstruction/incremental/options",
+    "reconstruction/global/options",
+    "reconstruction/robust/options",
+    "reconstruction/odometry/options",
+    "reconstruction/stages",
+    "reconstruction/options",
     "reconstruction/grow",
     "reconstruction/search",
     "reconstruction/incremental",

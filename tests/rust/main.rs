@@ -11,6 +11,8 @@ mod diagnosis;
 mod fixed;
 mod header;
 mod layers;
+#[cfg(feature = "serde")]
+mod leaves;
 mod posterior;
 mod properties;
 mod reference;
@@ -22,6 +24,8 @@ mod shapes;
 mod sight;
 mod single;
 mod solve;
+#[cfg(feature = "serde")]
+mod stages;
 #[cfg(feature = "rayon")]
 mod sweep;
 mod unoriented;

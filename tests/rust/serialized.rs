@@ -2,8 +2,9 @@
 //! Problems, maps and options written and read by `serde`.
 
 use bearslam::{
-    Arena, LandmarkPrior, Layout, Loss, Map, Method, Noise, Odometry, PosePrior, Problem,
-    RefineOptions, SearchOptions, Sighting, SolveOptions, Strategy, pose, simulate, xytheta,
+    Arena, LandmarkPrior, Layout, Loss, Map, Method, Noise, Odometry, OdometrySweepOptions,
+    PosePrior, Problem, RefineOptions, SearchOptions, Sighting, SolveOptions, StageOptions,
+    Strategy, pose, simulate, xytheta,
 };
 use nalgebra::Point2;
 use serde_json::{Value, from_str, from_value, json, to_string, to_value};
@@ -176,6 +177,13 @@ fn options_are_read_over_their_defaults() {
         },
         seed: u64::MAX,
         robust: true,
+        stages: StageOptions {
+            odometry_sweeps: OdometrySweepOptions {
+                bounds: [1.0, 2.0, 3.0, 4.0],
+                ..OdometrySweepOptions::default()
+            },
+            ..StageOptions::default()
+        },
     };
     assert_eq!(
         from_str::<SolveOptions>(&to_string(&options).unwrap()).unwrap(),
@@ -185,6 +193,7 @@ fn options_are_read_over_their_defaults() {
         "strategy": "incremental",
         "search": {"triples": 50},
         "refine": {"loss": {"cauchy": 2.0}},
+        "stages": {"odometry_sweeps": {"bounds": [1, 2, 3, 4]}},
     }))
     .unwrap();
     let expected = SolveOptions {
@@ -198,7 +207,13 @@ fn options_are_read_over_their_defaults() {
         ..options
     };
     assert_eq!(read, expected);
-    let error = from_value::<SolveOptions>(json!({"sead": 1})).unwrap_err();
-    assert!(error.to_string().contains("unknown field"));
+    for wrong in [
+        json!({"sead": 1}),
+        json!({"stages": {"jugde": {}}}),
+        json!({"stages": {"judge": {"saem": 1}}}),
+    ] {
+        let error = from_value::<SolveOptions>(wrong).unwrap_err();
+        assert!(error.to_string().contains("unknown field"));
+    }
     assert!(from_value::<SearchOptions>(json!({"triples": -1})).is_err());
 }

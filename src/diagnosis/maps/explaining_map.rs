@@ -9,7 +9,8 @@ use crate::kernels::{Method, three_view};
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Undetermined};
 use crate::reconstruction::grow::grow;
-use crate::reconstruction::judge::{same, variance};
+use crate::reconstruction::judge::{JudgeOptions, same, variance};
+use crate::reconstruction::search::options::DrawOptions;
 use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
 use crate::reconstruction::search::triples::{common_bearings, draw};
 use crate::reconstruction::strategy::lowest;
@@ -89,8 +90,9 @@ pub fn explaining_maps(problem: &Problem, options: &MapOptions) -> Vec<Reconstru
             ..Circle::WHOLE
         }
     };
+    let draws = DrawOptions::default();
     let mut scored = Vec::new();
-    for views in draw(problem, MIN_SHARED, options.triples, 0) {
+    for views in draw(problem, MIN_SHARED, options.triples, 0, &draws) {
         scored.extend(along_circle(problem, views, circle));
     }
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -127,7 +129,7 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
         return Vec::new();
     };
     let known = map.normalized();
-    let options = RefineOptions::default();
+    let (options, judge) = (RefineOptions::default(), JudgeOptions::default());
     let mut costs = Vec::new();
     for motion in &found.motions {
         let mut start = Map::empty(3, problem.landmarks());
@@ -136,7 +138,7 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
         }
         grow(problem, &mut start);
         if let Ok(found) = refine(problem, &start, &options, None)
-            && !same(&found.map, &known)
+            && !same(&found.map, &known, &judge)
         {
             costs.push(variance(&found));
         }
@@ -146,8 +148,9 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
 
 /// Three views to start a map from: of some that share five landmarks, or four, those that share most.
 pub fn best_triple(problem: &Problem, options: &MapOptions) -> Option<[usize; 3]> {
+    let draws = DrawOptions::default();
     [5, 4].into_iter().find_map(|needed| {
-        let drawn = draw(problem, needed, options.start_triples, 0);
+        let drawn = draw(problem, needed, options.start_triples, 0, &draws);
         drawn
             .into_iter()
             .max_by_key(|&views| common_bearings(problem, views).1.len())

@@ -1,32 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Rotation averaging on the circle.
 
+use super::options::AveragingOptions;
 use super::relative::Relative;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, UnitComplex};
-
-/// Options of the averaging.
-#[derive(Clone, Copy, Debug)]
-struct AveragingOptions {
-    /// Most rounds of reweighting: the branches are decided in the first few, the weights in about ten.
-    rounds: usize,
-    /// The width of Cauchy's weight in medians of residual times quality: residuals of a typical triple count fully,
-    /// larger ones less. A width of 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median is 0.67.
-    cauchy_medians: f64,
-    /// The averaging ends when no heading turns by more than this \[rad\].
-    tolerance: f64,
-}
-
-impl Default for AveragingOptions {
-    fn default() -> Self {
-        Self {
-            rounds: 15,
-            cauchy_medians: 2.4 / 0.67,
-            tolerance: 1e-6,
-        }
-    }
-}
 
 /// The headings of a connected set of views that agree best with the relative headings of triples.
 ///
@@ -37,6 +16,7 @@ pub fn average(
     views: usize,
     relatives: &[Relative],
     group: &[usize],
+    options: &AveragingOptions,
 ) -> Vec<Option<UnitComplex<f64>>> {
     let mut member = vec![usize::MAX; views];
     for (slot, &view) in group.iter().enumerate() {
@@ -47,7 +27,6 @@ pub fn average(
         .filter(|relative| relative.views.iter().all(|&view| member[view] < usize::MAX))
         .collect();
     let mut headings = spanning_tree(views, &relatives);
-    let options = AveragingOptions::default();
     for _ in 0..options.rounds {
         // Each pair of each triple: the two views, by how much its second heading is behind, its
         // quality.

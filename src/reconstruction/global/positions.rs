@@ -1,36 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! All positions and landmarks from known headings: one homogeneous linear system.
 
+use super::options::PositionOptions;
 use crate::geometry::Pose;
 use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vector2};
-
-/// Options of the linear system.
-#[derive(Clone, Copy, Debug)]
-struct PositionOptions {
-    /// Rounds of reweighting: rows are divided by the range of the round before.
-    rounds: usize,
-    /// Steps of inverse iteration in a round. The next round goes on from where this one ends.
-    steps: usize,
-    /// No range counts as less than this part of the median, or one bad sighting would rule the system.
-    nearest: f64,
-    /// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about the
-    /// square of half the parallax in radians) place no landmark.
-    spread: f64,
-}
-
-impl Default for PositionOptions {
-    fn default() -> Self {
-        Self {
-            rounds: 6,
-            steps: 3,
-            nearest: 0.1,
-            spread: 1e-4,
-        }
-    }
-}
 
 /// A sighting as a line: the direction of its ray in the map frame, and the weight of its row.
 struct DirectedRay {
@@ -57,13 +33,13 @@ struct RayBundle {
 
 impl RayBundle {
     /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
-    fn inverse(&self) -> Option<Matrix2<f64>> {
+    fn inverse(&self, options: &PositionOptions) -> Option<Matrix2<f64>> {
         let mut information = Matrix2::zeros();
         for ray in &self.rays {
             information += ray.row() * ray.row().transpose();
         }
         let trace = information.trace();
-        (information.determinant() > trace * trace * PositionOptions::default().spread)
+        (information.determinant() > trace * trace * options.spread)
             .then(|| information.try_inverse())
             .flatten()
     }
@@ -75,7 +51,11 @@ impl RayBundle {
 /// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
 /// positions are the smallest eigenvector of what is left, after the two translations: inverse
 /// iteration, from the direction in which all landmarks move ahead of the views that see them.
-pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option<Map> {
+pub fn solve(
+    problem: &Problem,
+    headings: &[Option<UnitComplex<f64>>],
+    options: &PositionOptions,
+) -> Option<Map> {
     let mut slot = vec![usize::MAX; headings.len()];
     let mut views = Vec::new();
     for (view, heading) in headings.iter().enumerate() {
@@ -105,9 +85,9 @@ pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option
         .filter(|bundle| bundle.rays.len() >= MIN_VIEWS_OF_LANDMARK)
         .collect();
     let mut positions: Option<DVector<f64>> = None;
-    for _ in 0..PositionOptions::default().rounds {
-        positions = Some(round(views.len(), &mut bundles, positions)?);
-        reweight(&mut bundles, positions.as_ref()?);
+    for _ in 0..options.rounds {
+        positions = Some(round(views.len(), &mut bundles, positions, options)?);
+        reweight(&mut bundles, positions.as_ref()?, options);
     }
     let positions = positions?;
     let mut map = Map::empty(problem.views(), problem.landmarks());
@@ -127,12 +107,13 @@ fn round(
     views: usize,
     bundles: &mut Vec<RayBundle>,
     start: Option<DVector<f64>>,
+    options: &PositionOptions,
 ) -> Option<DVector<f64>> {
     let mut matrix = DMatrix::zeros(2 * views, 2 * views);
     let mut ahead = DVector::zeros(2 * views);
-    bundles.retain(|bundle| bundle.inverse().is_some());
+    bundles.retain(|bundle| bundle.inverse(options).is_some());
     for bundle in bundles.iter() {
-        let inverse = bundle.inverse()?;
+        let inverse = bundle.inverse(options)?;
         let pull = bundle
             .rays
             .iter()
@@ -174,7 +155,7 @@ fn round(
     }
     let factor = matrix.cholesky()?;
     let mut positions = start.unwrap_or_else(|| ahead.clone());
-    for _ in 0..PositionOptions::default().steps {
+    for _ in 0..options.steps {
         factor.solve_mut(&mut positions);
         let norm = positions.norm();
         if !(norm > 0.0 && norm.is_finite()) {
@@ -186,7 +167,7 @@ fn round(
         positions.neg_mut();
     }
     for bundle in bundles {
-        let inverse = bundle.inverse()?;
+        let inverse = bundle.inverse(options)?;
         let mut sum = Vector2::zeros();
         for ray in &bundle.rays {
             let row = ray.row();
@@ -198,7 +179,7 @@ fn round(
 }
 
 /// Divides the rows by the ranges that have been found.
-fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>) {
+fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>, options: &PositionOptions) {
     let range =
         |bundle: &RayBundle, ray: &DirectedRay| (bundle.point - at(positions, ray.view)).norm();
     let mut ranges: Vec<f64> = bundles
@@ -211,8 +192,7 @@ fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>) {
     };
     for bundle in bundles {
         for k in 0..bundle.rays.len() {
-            let range =
-                range(bundle, &bundle.rays[k]).max(median * PositionOptions::default().nearest);
+            let range = range(bundle, &bundle.rays[k]).max(median * options.nearest);
             // In units of the median, so that the system keeps its size.
             bundle.rays[k].weight = bundle.rays[k].sharpness * median / range;
         }

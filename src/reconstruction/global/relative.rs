@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Relative headings of many triples of views, and which views they connect.
 
-use super::super::options::{Progress, report_progress};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::search::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::kernels::CalibratedTensor;
@@ -9,30 +9,6 @@ use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::UnitComplex;
-
-/// Options of the choice of triples.
-#[derive(Clone, Copy, Debug)]
-struct RelativeOptions {
-    /// Triples that are drawn for each view.
-    per_view: usize,
-    /// Fewest triples that are drawn.
-    fewest: usize,
-    /// The best conditioned of them that are kept for each view.
-    kept: usize,
-    /// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
-    shared: [usize; 2],
-}
-
-impl Default for RelativeOptions {
-    fn default() -> Self {
-        Self {
-            per_view: 48,
-            fewest: 200,
-            kept: 24,
-            shared: [6, 5],
-        }
-    }
-}
 
 /// The headings of three views, up to a common turn.
 pub struct Relative {
@@ -49,15 +25,17 @@ pub struct Relative {
 /// [`Error::Interrupted`]; why no triple can be estimated, when none can.
 pub fn relatives(
     problem: &Problem,
-    seed: u64,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Relative>, Error> {
-    let options = RelativeOptions::default();
-    let count = (options.per_view * problem.views()).max(options.fewest);
+    let SolveOptions { seed, stages, .. } = options;
+    let options = &stages.relative_headings;
+    let drawn = options.per_view.saturating_mul(problem.views());
+    let count = drawn.max(options.fewest);
     let mut failure = None;
     let mut found = Vec::new();
     for needed in options.shared {
-        let drawn = triples::draw(problem, needed, count, seed);
+        let drawn = triples::draw(problem, needed, count, *seed, &stages.draw);
         for (done, &views) in drawn.iter().enumerate() {
             if !report_progress(progress, "search", done, drawn.len()) {
                 return Err(Error::Interrupted);

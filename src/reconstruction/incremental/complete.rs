@@ -2,12 +2,13 @@
 //! The end of a growth: everything that can be placed is placed, and the map refined for the last time.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, report_progress};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::gates::noise;
 use super::options::IncrementalOptions;
 use super::place;
 use crate::error::Error;
+use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 
 /// The last refinement of a map, of everything that has a place in it; `None` when it cannot be
@@ -17,23 +18,24 @@ use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn finish(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &SolveOptions,
     mut map: Map,
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
+    let stage = &options.stages.incremental;
     let mut best: Option<Reconstruction> = None;
-    for _ in 0..options.completions {
+    for _ in 0..stage.completions {
         // The gauge of a reconstruction is as good as any.
         if let Some(found) = &best {
             map = found.map.clone();
         }
         let before = map.poses.iter().flatten().count();
-        complete(problem, options, &mut map, free);
+        complete(problem, stage, &mut map, free);
         if best.is_some() && map.poses.iter().flatten().count() == before {
             break;
         }
-        match refined(problem, options, map.clone(), progress)? {
+        match refined(problem, &options.refine, map.clone(), progress)? {
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);
@@ -51,13 +53,13 @@ pub fn finish(
 /// A map refined; `None` when it cannot be.
 fn refined(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &RefineOptions,
     mut map: Map,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
-    let total = options.refine.max_iterations;
+    let total = options.max_iterations;
     let mut observer = |done, _| report_progress(progress, "refine", done, total);
-    let report = attempt(problem, &mut map, &options.refine, Some(&mut observer))?;
+    let report = attempt(problem, &mut map, options, Some(&mut observer))?;
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 

@@ -6,7 +6,7 @@
 //! is left the gates open wider.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, report_progress};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::gates::{Fit, noise, range_variance};
 use super::options::IncrementalOptions;
 use super::place;
@@ -24,6 +24,7 @@ use nalgebra::Point2;
 pub struct IncrementalGrowth<'a> {
     problem: &'a Problem,
     options: &'a IncrementalOptions,
+    refine: &'a RefineOptions,
     /// Views that may be added.
     allowed: &'a [bool],
     pub map: Map,
@@ -43,13 +44,14 @@ impl<'a> IncrementalGrowth<'a> {
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
     pub fn new(
         problem: &'a Problem,
-        options: &'a IncrementalOptions,
+        options: &'a SolveOptions,
         allowed: &'a [bool],
         map: Map,
     ) -> Result<Option<Self>, Error> {
         let mut growth = Self {
             problem,
-            options,
+            options: &options.stages.incremental,
+            refine: &options.refine,
             allowed,
             noise: 0.0,
             thrown: vec![0; map.poses.len()],
@@ -57,9 +59,9 @@ impl<'a> IncrementalGrowth<'a> {
             level: 0,
         };
         // Nothing is known of the noise of a map without landmarks but what is expected of any.
-        growth.noise = noise(problem, &growth.map, options);
+        growth.noise = noise(problem, &growth.map, growth.options);
         growth.triangulate();
-        growth.noise = noise(problem, &growth.map, options);
+        growth.noise = noise(problem, &growth.map, growth.options);
         Ok(growth.refine(&mut None)?.then_some(growth))
     }
 
@@ -114,7 +116,7 @@ impl<'a> IncrementalGrowth<'a> {
             }
         }
         found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let most = (self.reached() / self.options.views_per_added).max(1);
+        let most = (self.reached() / self.options.views_per_added.max(1)).max(1);
         found.truncate(most);
         for &(_, view, pose) in &found {
             self.map.poses[view] = Some(pose);
@@ -166,7 +168,7 @@ impl<'a> IncrementalGrowth<'a> {
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
         let mut observer = |_, _| report_progress(progress, "grow", reached, total);
-        let refine = self.options.refine;
+        let refine = *self.refine;
         let options = RefineOptions {
             max_iterations: refine.max_iterations.min(self.options.growing_iterations),
             ..refine

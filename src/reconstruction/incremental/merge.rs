@@ -2,7 +2,7 @@
 //! Which of several maps is the best, and two that share landmarks become one.
 
 use super::super::judge::{is_as_good, variance};
-use super::super::options::Progress;
+use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::complete::finish;
 use super::gates::{noise, range_variance, rounding};
@@ -44,7 +44,7 @@ pub fn best(
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn merge(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &SolveOptions,
     mut found: Vec<Reconstruction>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
@@ -77,12 +77,13 @@ pub fn merge(
 /// Two maps as one, refined; `None` where they share too little or do not fit.
 fn joined(
     problem: &Problem,
-    options: &IncrementalOptions,
+    options: &SolveOptions,
     [first, second]: [&Reconstruction; 2],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
-    let Some(start) = merged(problem, options, &first.map, &second.map) else {
+    let stage = &options.stages.incremental;
+    let Some(start) = merged(problem, stage, &first.map, &second.map) else {
         return Ok(None);
     };
     let Some(joined) = finish(problem, options, start, free, progress)? else {
@@ -94,7 +95,7 @@ fn joined(
     let fits = is_as_good(
         variance(&joined),
         apart,
-        options.fitting_ratio,
+        stage.fitting_ratio,
         rounding(problem),
     );
     Ok(fits.then_some(joined))

@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Options of the incremental stage, from seeds to joined components.
 
-use crate::lm::RefineOptions;
 use crate::problem::MIN_LANDMARKS_OF_VIEW;
 
 /// Options of the incremental stage. Noise is the root mean square of residuals over sigma, as large as it has shown so
 /// far: sigma may be unknown.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct IncrementalOptions {
-    /// Options of the last refinement of a map; those on the way get fewer iterations.
-    pub refine: RefineOptions,
-
     /// Triples of views that are drawn for each view.
     pub triples_per_view: usize,
     /// Fewest triples that are drawn.
@@ -72,7 +70,6 @@ pub struct IncrementalOptions {
 impl Default for IncrementalOptions {
     fn default() -> Self {
         Self {
-            refine: RefineOptions::default(),
             triples_per_view: 8,
             fewest_triples: 64,
             most_triples: 2000,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Where maps begin: well conditioned triples of views.
 
+use super::super::options::SolveOptions;
 use super::super::search::triples::{self, are_rivals, common_bearings};
-use super::options::IncrementalOptions;
 use crate::error::Error;
 use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::problem::{Map, Problem};
@@ -13,17 +13,15 @@ use alloc::vec::Vec;
 /// # Errors
 /// Why the last of them could not, when none can; `Ok` and empty when no three views share five
 /// landmarks.
-pub fn seeds(
-    problem: &Problem,
-    options: &IncrementalOptions,
-    seed: u64,
-) -> Result<Vec<[usize; 3]>, Error> {
-    let count = (options.triples_per_view * problem.views())
-        .clamp(options.fewest_triples, options.most_triples);
+pub fn seeds(problem: &Problem, options: &SolveOptions) -> Result<Vec<[usize; 3]>, Error> {
+    let SolveOptions { seed, stages, .. } = options;
+    let options = &stages.incremental;
+    let drawn = options.triples_per_view.saturating_mul(problem.views());
+    let count = drawn.max(options.fewest_triples).min(options.most_triples);
     let mut found: Vec<(bool, f64, [usize; 3])> = Vec::new();
     let mut failure = None;
     for needed in options.shared_landmarks {
-        for views in triples::draw(problem, needed, count, seed) {
+        for views in triples::draw(problem, needed, count, *seed, &stages.draw) {
             if found.iter().any(|(_, _, other)| *other == views) {
                 continue;
             }

@@ -9,6 +9,7 @@
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
+use super::options::OdometryGrowthOptions;
 use crate::error::Error;
 use crate::geometry::{Pose, align};
 use crate::lm::RefineOptions;
@@ -16,31 +17,6 @@ use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use nalgebra::Point2;
-
-/// Options of the growth along odometry.
-#[derive(Clone, Copy, Debug)]
-pub struct GrowthOptions {
-    /// Views after which a piece is refined for the first time: with fewer its landmarks are hardly placed yet.
-    pub first_views: usize,
-    /// Most iterations of each refinement on the way: a piece only has to stay near its minimum.
-    pub iterations: usize,
-    /// Parallax (smaller over larger singular value of the directions of the rays) below which a landmark of a
-    /// growing piece has to wait: rays that spread by less than six degrees determine its range badly.
-    pub min_parallax: f64,
-    /// Fewest shared landmarks that lay one piece over another: as many as fix a similarity.
-    pub min_shared: usize,
-}
-
-impl Default for GrowthOptions {
-    fn default() -> Self {
-        Self {
-            first_views: 6,
-            iterations: 8,
-            min_parallax: 0.05,
-            min_shared: 2,
-        }
-    }
-}
 
 /// How the parts of a growing piece are estimated.
 pub trait Placement {
@@ -100,7 +76,7 @@ pub type Shared = (Point2<f64>, Point2<f64>);
 pub fn grow_along_odometry(
     problem: &Problem,
     placement: &mut impl Placement,
-    options: &GrowthOptions,
+    options: &OdometryGrowthOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     let mut growth = OdometryGrowth {
@@ -139,7 +115,7 @@ struct OdometryGrowth<'a, 'p, P> {
     problem: &'a Problem,
     motions: Motions,
     placement: &'a mut P,
-    options: &'a GrowthOptions,
+    options: &'a OdometryGrowthOptions,
     progress: &'a mut Option<Progress<'p>>,
 }
 

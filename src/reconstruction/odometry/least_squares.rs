@@ -3,7 +3,9 @@
 
 use super::super::grow::{grow, resect_view};
 use super::super::robust::motions::OdometryLink;
-use super::growth::{GrowthOptions, Placement, Shared, laid_over};
+use super::super::stages::StageOptions;
+use super::growth::{Placement, Shared, laid_over};
+use super::options::StrideOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
@@ -11,30 +13,6 @@ use crate::lm::RefineOptions;
 use crate::problem::{Map, Prior, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
-
-/// Options of the growth by least squares.
-#[derive(Clone, Copy, Debug)]
-struct StrideOptions {
-    /// A piece is refined again when it has grown by one view for so many that it had.
-    part: usize,
-    /// The fewest views by which it grows in between.
-    shortest: usize,
-    /// The most views by which it grows in between: a long way by odometry alone leads out of the reach of the refinement.
-    longest: usize,
-    /// Tolerance of the refinements on the way, relative to the cost.
-    tolerance: f64,
-}
-
-impl Default for StrideOptions {
-    fn default() -> Self {
-        Self {
-            part: 20,
-            shortest: 10,
-            longest: 100,
-            tolerance: 1e-2,
-        }
-    }
-}
 
 /// The placement by least squares.
 pub struct LeastSquaresPlacement<'a> {
@@ -48,8 +26,8 @@ pub struct LeastSquaresPlacement<'a> {
 
 impl<'a> LeastSquaresPlacement<'a> {
     /// `refine` are the options of the caller's refinement, whose loss counts on the way as well.
-    pub fn new(problem: &'a Problem, refine: &RefineOptions, growth: &GrowthOptions) -> Self {
-        let stride = StrideOptions::default();
+    pub fn new(problem: &'a Problem, refine: &RefineOptions, stages: &StageOptions) -> Self {
+        let stride = stages.stride;
         let mut known = vec![false; problem.landmarks()];
         for prior in problem.priors() {
             if let Prior::Landmark { landmark, .. } = prior {
@@ -62,7 +40,7 @@ impl<'a> LeastSquaresPlacement<'a> {
                 tolerance: stride.tolerance.max(refine.tolerance),
                 ..*refine
             },
-            min_parallax: growth.min_parallax,
+            min_parallax: stages.odometry_growth.min_parallax,
             stride,
             known,
         }
@@ -112,7 +90,7 @@ impl Placement for LeastSquaresPlacement<'_> {
             longest,
             ..
         } = self.stride;
-        count + (count / part).clamp(shortest, longest)
+        count.saturating_add((count / part.max(1)).max(shortest).min(longest))
     }
 
     fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64> {

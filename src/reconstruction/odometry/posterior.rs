@@ -13,7 +13,7 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::solve_robust;
 use super::super::strategy;
-use super::growth::{GrowthOptions, grow_along_odometry};
+use super::growth::grow_along_odometry;
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
@@ -21,20 +21,6 @@ use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
-
-/// Options of the choice of starts.
-#[derive(Clone, Copy, Debug)]
-struct PosteriorOptions {
-    /// Views beyond which a plausible cost is enough: no wrong minimum of so many bearings comes so low. With fewer,
-    /// the map from bearings alone costs little and is always tried.
-    many_views: usize,
-}
-
-impl Default for PosteriorOptions {
-    fn default() -> Self {
-        Self { many_views: 40 }
-    }
-}
 
 /// Poses and landmarks of a problem with odometry or priors.
 ///
@@ -48,7 +34,8 @@ pub fn solve_posterior(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let many = problem.views() > PosteriorOptions::default().many_views;
+    let stages = &options.stages;
+    let many = problem.views() > stages.posterior.many_views;
     let mut attempts = Attempts {
         problem,
         options,
@@ -74,15 +61,15 @@ pub fn solve_posterior(
             loss,
             ..options.refine
         };
-        let growth = GrowthOptions::default();
-        let mut placement = LeastSquaresPlacement::new(problem, &growing, &growth);
-        let grown = grow_along_odometry(problem, &mut placement, &growth, attempts.progress)?;
+        let mut placement = LeastSquaresPlacement::new(problem, &growing, stages);
+        let growth = &stages.odometry_growth;
+        let grown = grow_along_odometry(problem, &mut placement, growth, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
         starts.extend(grown);
     }
-    let hopeless = options.robust && many && !robust_start::is_searchable(problem);
+    let hopeless = options.robust && many && !robust_start::is_searchable(problem, &stages.robust);
     if !(attempts.suffice() || hopeless) {
         attempts.refine_from_bearings()?;
     }
@@ -96,7 +83,7 @@ pub fn solve_posterior(
         return Err(attempts.failure);
     }
     if options.robust {
-        refuse_minority(&attempts.found[0])?;
+        refuse_minority(&attempts.found[0], &stages.judge)?;
     }
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     for start in &starts {
@@ -111,7 +98,7 @@ pub fn solve_posterior(
     let mut maps = attempts.found;
     if !options.robust {
         maps.iter_mut()
-            .for_each(|map| drop_landmarks_at_infinity(problem, map));
+            .for_each(|map| drop_landmarks_at_infinity(problem, map, &stages.infinity));
     }
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }
@@ -143,7 +130,8 @@ impl Attempts<'_, '_> {
         } else {
             is_plausible_posterior
         };
-        self.many && self.found.iter().any(plausible)
+        let judge = &self.options.stages.judge;
+        self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.

@@ -13,8 +13,9 @@ use super::super::robust::motions::{OdometryLink, moved};
 use super::super::robust::options::RobustOptions;
 use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
-use super::super::robust::solve::{check_sigmas, reconstruction, robust_options};
-use super::growth::{GrowthOptions, Placement, Shared, grow_along_odometry, laid_over};
+use super::super::robust::solve::{check_sigmas, reconstruction, with_squares};
+use super::super::stages::StageOptions;
+use super::growth::{Placement, Shared, grow_along_odometry, laid_over};
 use super::sweeps::{cauchy_consensus, sweep_odometry};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -27,25 +28,6 @@ use rand_chacha::ChaCha8Rng;
 
 /// Landmarks that lay one piece over another: as many as fix a similarity. No option: the size of an array.
 const FIXING: usize = 2;
-
-/// Options of the robust growth.
-#[derive(Clone, Copy, Debug)]
-struct RobustGrowthOptions {
-    /// A piece is refined again when it has grown by one view for so many that it had: more often than by least squares, because
-    /// a wrong bearing leads astray whatever is placed after it.
-    part: usize,
-    /// Most pairs of shared landmarks by which it is tried to lay one piece over another.
-    pairs: usize,
-}
-
-impl Default for RobustGrowthOptions {
-    fn default() -> Self {
-        Self {
-            part: 4,
-            pairs: 128,
-        }
-    }
-}
 
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
 ///
@@ -60,36 +42,37 @@ pub fn along_odometry(
 ) -> Result<Vec<Map>, Error> {
     check_sigmas(problem)?;
     let problem = &problem.clone().with_odometry_only();
-    let growth = GrowthOptions::default();
     let mut placement = RobustPlacement {
         problem,
-        robust: RobustOptions {
+        options: SolveOptions {
             refine: RefineOptions {
                 loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
                 ..options.refine
             },
-            ..robust_options(options)
+            ..*options
         },
-        min_parallax: growth.min_parallax,
-        options: RobustGrowthOptions::default(),
         random: ChaCha8Rng::seed_from_u64(options.seed),
     };
-    grow_along_odometry(problem, &mut placement, &growth, progress)
+    let growth = &options.stages.odometry_growth;
+    grow_along_odometry(problem, &mut placement, growth, progress)
 }
 
 /// The placement that outliers do not spoil.
 struct RobustPlacement<'a> {
     problem: &'a Problem,
-    robust: RobustOptions,
-    min_parallax: f64,
-    options: RobustGrowthOptions,
+    /// With a loss for the refinements on the way that outliers hardly move.
+    options: SolveOptions,
     random: ChaCha8Rng,
 }
 
 impl RobustPlacement<'_> {
     /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
     fn place_landmark(&mut self, map: &mut Map, landmark: usize) {
-        let options = &self.robust;
+        let StageOptions {
+            robust: options,
+            odometry_growth,
+            ..
+        } = &self.options.stages;
         let bound = options.growing_bound;
         let found = place_landmark(
             self.problem,
@@ -108,22 +91,29 @@ impl RobustPlacement<'_> {
             .filter(|(_, agrees)| **agrees)
             .map(|((pose, s), _)| (pose, s.bearing));
         let parallax = triangulate(agreeing).map_or(0.0, |found| found.parallax);
-        let held = found.count() >= options.agreeing_of_landmark && parallax > self.min_parallax;
+        let held = found.count() >= options.agreeing_of_landmark
+            && parallax > odometry_growth.min_parallax;
         map.landmarks[landmark] = held.then_some(found.place);
     }
 }
 
 impl Placement for RobustPlacement<'_> {
     fn refine_options(&self) -> RefineOptions {
-        self.robust.refine
+        self.options.refine
     }
 
     fn next_refinement(&self, count: usize) -> usize {
-        count + count / self.options.part + 1
+        count + count / self.options.stages.robust_growth.part.max(1) + 1
     }
 
     fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64> {
-        moved(self.problem, map, from, motion, self.robust.motion_steps)
+        moved(
+            self.problem,
+            map,
+            from,
+            motion,
+            self.options.stages.robust.motion_steps,
+        )
     }
 
     fn place_landmarks_of(&mut self, map: &mut Map, view: usize) {
@@ -154,7 +144,7 @@ impl Placement for RobustPlacement<'_> {
             }
         };
         offer(shared);
-        let most = self.options.pairs;
+        let most = self.options.stages.robust_growth.pairs;
         sets(
             shared.len(),
             most,
@@ -171,14 +161,14 @@ impl Placement for RobustPlacement<'_> {
     }
 
     fn complete(&mut self, map: &mut Map) -> Result<(), Error> {
-        extend(self.problem, map, &self.robust, &mut self.random)
+        extend(self.problem, map, &self.options, &mut self.random)
     }
 }
 
 /// Whether the search from bearings alone may reach most views: those that see landmarks enough to be
 /// placed among outliers. Its work is quadratic in the views, and in vain where most cannot be placed.
-pub fn is_searchable(problem: &Problem) -> bool {
-    let enough = RobustOptions::default().agreeing_of_view;
+pub fn is_searchable(problem: &Problem, options: &RobustOptions) -> bool {
+    let enough = options.agreeing_of_view;
     let counts = (0..problem.views()).map(|view| problem.of_view(view).len());
     let enough = counts.clone().filter(|&count| count >= enough);
     2 * enough.count() > counts.filter(|&count| count > 0).count()
@@ -199,11 +189,15 @@ pub fn from_start(
         return Err(Error::Interrupted);
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let robust = robust_options(options);
-    let Some(consensus) = cauchy_consensus(problem, start.clone(), &robust)? else {
+    let options = &with_squares(options);
+    let Some(consensus) = cauchy_consensus(problem, start.clone(), options)? else {
         return Ok(None);
     };
-    let consensus = reestimate_each(problem, consensus, &robust, &mut random, progress)?;
-    let consensus = sweep_odometry(problem, consensus, &robust, &mut random, progress)?;
-    Ok(Some(reconstruction(problem, &consensus)))
+    let consensus = reestimate_each(problem, consensus, options, &mut random, progress)?;
+    let consensus = sweep_odometry(problem, consensus, options, &mut random, progress)?;
+    Ok(Some(reconstruction(
+        problem,
+        &consensus,
+        &options.stages.infinity,
+    )))
 }

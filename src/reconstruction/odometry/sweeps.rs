@@ -6,41 +6,15 @@
 //! placed one after the other by all of them; a sweep from the other end places them differently where it matters.
 
 use super::super::attempt::attempt;
-use super::super::options::{Progress, report_progress};
-use super::super::robust::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
+use super::super::options::{Progress, SolveOptions, report_progress};
+use super::super::robust::consensus::{Consensus, fixed_point, inliers, to_consensus};
 use super::super::robust::motions::{Motions, moved};
-use super::super::robust::options::RobustOptions;
 use super::super::robust::reassign::{reassign, reestimate_each};
 use crate::error::Error;
 use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
-
-/// Options of the sweeps.
-#[derive(Clone, Copy, Debug)]
-struct SweepOptions {
-    /// Most rounds: each lowers the cost, so they end by themselves.
-    rounds: usize,
-    /// A round is worth another when it has lowered the cost by more than this: that of an outlier.
-    worth: f64,
-    /// Tolerance of the refinement with Cauchy's loss: it only has to identify the inliers.
-    cauchy_tolerance: f64,
-    /// Bounds, in standard deviations, that are each tried once for the choice of the inliers: narrow ones leave out
-    /// what has bent the map, wide ones take back what that has pushed out.
-    bounds: [f64; 4],
-}
-
-impl Default for SweepOptions {
-    fn default() -> Self {
-        Self {
-            rounds: 10,
-            worth: OUTLIER * OUTLIER / 2.0,
-            cauchy_tolerance: 1e-5,
-            bounds: [2.0, 4.5, 9.0, 20.0],
-        }
-    }
-}
 
 /// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
 ///
@@ -49,11 +23,11 @@ impl Default for SweepOptions {
 pub fn cauchy_consensus(
     problem: &Problem,
     mut map: Map,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
     let soft = RefineOptions {
         loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
-        tolerance: SweepOptions::default().cauchy_tolerance,
+        tolerance: options.stages.odometry_sweeps.cauchy_tolerance,
         ..options.refine
     };
     // Where the whole cannot be refined, a part may still be.
@@ -69,11 +43,13 @@ pub fn cauchy_consensus(
 pub fn sweep_odometry(
     problem: &Problem,
     mut best: Consensus,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    let stage = SweepOptions::default();
+    let SolveOptions { stages, .. } = options;
+    let stage = &stages.odometry_sweeps;
+    let steps = stages.robust.motion_steps;
     let motions = Motions::new(problem);
     for round in 0..stage.rounds {
         let cost = best.cost;
@@ -81,7 +57,7 @@ pub fn sweep_odometry(
             if !report_progress(progress, "improve", round, stage.rounds) {
                 return Err(Error::Interrupted);
             }
-            let map = swept(problem, &motions, &best.map, backward, options.motion_steps);
+            let map = swept(problem, &motions, &best.map, backward, steps);
             if let Some(found) = cauchy_consensus(problem, map, options)?
                 && found.is_below(&best)
             {

@@ -6,9 +6,9 @@
 //! those that it was refined to.
 
 use super::super::attempt::attempt;
-use super::super::judge::same;
+use super::super::judge::{JudgeOptions, same};
+use super::super::options::SolveOptions;
 use super::super::result::Reconstruction;
-use super::options::RobustOptions;
 use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -88,7 +88,7 @@ pub fn descend(
     map: &mut Map,
     bound: f64,
     iterations: usize,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<(), Error> {
     let kept = problem.subset(&inliers(problem, map, bound));
     refined(&kept, map, iterations, options).map(|_| ())
@@ -99,7 +99,7 @@ fn refined(
     problem: &Problem,
     map: &mut Map,
     iterations: usize,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Option<Report>, Error> {
     let options = RefineOptions {
         max_iterations: options.refine.max_iterations.min(iterations),
@@ -118,9 +118,9 @@ pub fn fixed_point(
     problem: &Problem,
     mut map: Map,
     mut kept: Vec<bool>,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for _ in 0..options.inlier_changes {
+    for _ in 0..options.stages.robust.inlier_changes {
         let subset = problem.subset(&kept);
         let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
             return Ok(None);
@@ -146,10 +146,11 @@ pub fn fixed_point(
 pub fn to_consensus(
     problem: &Problem,
     mut map: Map,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for bound in options.narrowing_bounds {
-        let iterations = options.narrowing_iterations;
+    let robust = &options.stages.robust;
+    for bound in robust.narrowing_bounds {
+        let iterations = robust.narrowing_iterations;
         descend(problem, &mut map, bound, iterations, options)?;
     }
     let kept = inliers(problem, &map, OUTLIER);
@@ -181,7 +182,7 @@ impl Consensus {
             both += usize::from(a && b);
             either += usize::from(a || b);
         }
-        100 * both >= percent * either
+        100 * both >= percent.saturating_mul(either)
     }
 
     /// Whether it costs less than another by more than the tolerance of the refinement.
@@ -190,7 +191,8 @@ impl Consensus {
     }
 
     /// Whether two fixed points are one.
-    pub fn is_same(&self, other: &Self) -> bool {
-        self.inliers == other.inliers && same(&self.map.normalized(), &other.map.normalized())
+    pub fn is_same(&self, other: &Self, judge: &JudgeOptions) -> bool {
+        self.inliers == other.inliers
+            && same(&self.map.normalized(), &other.map.normalized(), judge)
     }
 }

@@ -5,6 +5,7 @@
 //! good bearing that contradicts it is large. What the residuals would be without it is predicted to
 //! first order.
 
+use super::super::options::SolveOptions;
 use super::consensus::{Consensus, OUTLIER, fixed_point};
 use super::options::RobustOptions;
 use crate::error::Error;
@@ -23,11 +24,12 @@ use alloc::vec::Vec;
 pub fn exchange(
     problem: &Problem,
     mut best: Consensus,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Consensus, Error> {
-    for _ in 0..options.exchange_successes {
+    let robust = &options.stages.robust;
+    for _ in 0..robust.exchange_successes {
         let mut lower = None;
-        for set in promising(problem, &best, options) {
+        for set in promising(problem, &best, robust) {
             let mut kept = best.inliers.clone();
             for k in set {
                 kept[k] = !kept[k];

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! From three views to a whole map, with bearings that may be wrong.
 
+use super::super::options::SolveOptions;
 use super::consensus::descend;
-use super::options::RobustOptions;
 use super::place::{place_landmark, place_view};
 use super::sampling::Seed;
 use crate::error::Error;
@@ -21,9 +21,10 @@ pub fn expand(
     problem: &Problem,
     seed: &Seed,
     motion: &Motion<f64>,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
 ) -> Result<Map, Error> {
+    let robust = &options.stages.robust;
     let mut map = Map::empty(problem.views(), problem.landmarks());
     for (&view, pose) in seed.views.iter().zip(motion.poses) {
         map.poses[view] = Some(pose);
@@ -33,9 +34,9 @@ pub fn expand(
             problem,
             &map,
             landmark,
-            options.growing_bound,
+            robust.growing_bound,
             1,
-            options,
+            robust,
             random,
         )
         .first()
@@ -52,25 +53,18 @@ pub fn expand(
 pub fn extend(
     problem: &Problem,
     map: &mut Map,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
 ) -> Result<(), Error> {
+    let robust = &options.stages.robust;
     // At least one view more each time, unless the refinement has thrown it out again.
     for _ in 0..problem.views() {
         let mut found: Vec<(usize, usize, Pose<f64>)> = Vec::new();
         for view in 0..problem.views() {
             if map.poses[view].is_none()
-                && let Some(placed) = place_view(
-                    problem,
-                    map,
-                    view,
-                    options.growing_bound,
-                    1,
-                    options,
-                    random,
-                )
-                .first()
-                && placed.count() >= options.agreeing_of_view
+                && let Some(placed) =
+                    place_view(problem, map, view, robust.growing_bound, 1, robust, random).first()
+                && placed.count() >= robust.agreeing_of_view
             {
                 found.push((placed.count(), view, placed.place));
             }
@@ -88,21 +82,21 @@ pub fn extend(
                 problem,
                 map,
                 landmark,
-                options.growing_bound,
+                robust.growing_bound,
                 1,
-                options,
+                robust,
                 random,
             )
             .first()
             {
                 let known = map.landmarks[landmark].is_some();
-                if known || placed.count() >= options.agreeing_of_landmark {
+                if known || placed.count() >= robust.agreeing_of_landmark {
                     map.landmarks[landmark] = Some(placed.place);
                 }
             }
         }
-        let iterations = options.growing_iterations;
-        descend(problem, map, options.growing_bound, iterations, options)?;
+        let iterations = robust.growing_iterations;
+        descend(problem, map, robust.growing_bound, iterations, options)?;
     }
     Ok(())
 }

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Options of the robust stage, from samples to the last exchange.
 
-use crate::lm::RefineOptions;
 use crate::problem::MIN_LANDMARKS_OF_VIEW;
 
 /// Options of the robust stage. Bounds are in standard deviations of a bearing.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RobustOptions {
-    /// Options of every refinement.
-    pub refine: RefineOptions,
-
     /// Triples of views that samples are drawn from in a round.
     pub triples: usize,
     /// Samples of each: when three bearings in ten are wrong, three samples in a hundred are good.
@@ -95,7 +93,6 @@ pub struct RobustOptions {
 impl Default for RobustOptions {
     fn default() -> Self {
         Self {
-            refine: RefineOptions::default(),
             triples: 16,
             samples: 40,
             grown: 6,

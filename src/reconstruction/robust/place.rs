@@ -105,7 +105,7 @@ pub fn place_view(
     }
     sets(
         seen.len(),
-        options.sets * count,
+        options.sets.saturating_mul(count),
         random,
         |set: [usize; MIN_LANDMARKS_OF_VIEW]| {
             if let Ok(found) = resect(set.map(|k| (seen[k].0, seen[k].1.bearing))) {
@@ -148,7 +148,7 @@ pub fn place_landmark(
     }
     sets(
         rays.len(),
-        options.sets * count,
+        options.sets.saturating_mul(count),
         random,
         |set: [usize; MIN_VIEWS_OF_LANDMARK]| {
             if let Some(point) = crossing(set.map(|k| &rays[k])) {
@@ -196,14 +196,17 @@ where
             count,
             options,
             squares,
-            places: Vec::with_capacity(count + 1),
+            places: Vec::new(),
         }
     }
 
     /// Takes a place that is among the best: of those with which the same sightings agree, the best one,
     /// or the present one, which only the rest of the map can make better.
     fn offer(&mut self, place: P, present: bool) {
-        let limit = match self.places.get(self.count - 1) {
+        let Some(worst) = self.count.checked_sub(1) else {
+            return;
+        };
+        let limit = match self.places.get(worst) {
             Some(last) => last.cost,
             None => 1.0 / 0.0,
         };
@@ -243,7 +246,7 @@ where
         let present = self.places.first();
         self.count == 1
             && present.is_some_and(|present| {
-                2 * present.count() > all + fixing + self.options.shared_by_chance
+                2 * present.count() > (all + fixing).saturating_add(self.options.shared_by_chance)
             })
     }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Views and landmarks assigned to other places.
 
-use super::super::options::{Progress, report_progress};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, to_consensus};
 use super::motions::Motions;
 use super::options::RobustOptions;
@@ -20,10 +20,11 @@ use rand_chacha::ChaCha8Rng;
 pub fn reestimate_each(
     problem: &Problem,
     mut best: Consensus,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
+    let robust = &options.stages.robust;
     let motions = Motions::new(problem);
     // Bearings alone know nothing of the motions of a view.
     let is_better = |map: &Map, view: usize, place: &Pose<f64>| {
@@ -31,14 +32,14 @@ pub fn reestimate_each(
         let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
         present.is_none_or(|present| cost_at(place) < cost_at(&present))
     };
-    for round in 0..options.reassign_rounds {
-        if !report_progress(progress, "replace", round, options.reassign_rounds) {
+    for round in 0..robust.reassign_rounds {
+        if !report_progress(progress, "replace", round, robust.reassign_rounds) {
             return Err(Error::Interrupted);
         }
         let mut map = best.map.clone();
         for view in 0..problem.views() {
             if let Some(placed) =
-                place_view(problem, &map, view, OUTLIER, 1, options, random).first()
+                place_view(problem, &map, view, OUTLIER, 1, robust, random).first()
                 && is_better(&map, view, &placed.place)
             {
                 map.poses[view] = Some(placed.place);
@@ -46,7 +47,7 @@ pub fn reestimate_each(
         }
         for landmark in 0..problem.landmarks() {
             if let Some(placed) =
-                place_landmark(problem, &map, landmark, OUTLIER, 1, options, random).first()
+                place_landmark(problem, &map, landmark, OUTLIER, 1, robust, random).first()
             {
                 map.landmarks[landmark] = Some(placed.place);
             }
@@ -77,20 +78,21 @@ enum Move {
 pub fn reassign(
     problem: &Problem,
     mut best: Consensus,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
+    let robust = &options.stages.robust;
     // With odometry each try moves hundreds of views: only those that promise something are refined to the end.
     let tied = !problem.priors().is_empty();
-    for _ in 0..options.reassign_rounds {
+    for _ in 0..robust.reassign_rounds {
         let mut lower = None;
-        let limit = best.cost + (options.worse_outliers * OUTLIER * OUTLIER / 2.0);
-        for (tried, (bound, place)) in moves(problem, &best.map, options, random)
+        let limit = best.cost + (robust.worse_outliers * OUTLIER * OUTLIER / 2.0);
+        for (tried, (bound, place)) in moves(problem, &best.map, robust, random)
             .into_iter()
             .enumerate()
         {
-            if !report_progress(progress, "relocate", tried, options.reassign_tries) {
+            if !report_progress(progress, "relocate", tried, robust.reassign_tries) {
                 return Err(Error::Interrupted);
             }
             let mut map = best.map.clone();
@@ -102,7 +104,7 @@ pub fn reassign(
                 problem,
                 &mut map,
                 bound,
-                options.narrowing_iterations,
+                robust.narrowing_iterations,
                 options,
             )?;
             if tied && cost(problem, &map, OUTLIER) > limit {

@@ -86,8 +86,7 @@ impl Common {
             return None;
         }
         let mut order: Vec<usize> = (0..count).collect();
-        let mut kept: Vec<(f64, CalibratedTensor<f64>)> =
-            Vec::with_capacity(options.kept_samples + 1);
+        let mut kept: Vec<(f64, CalibratedTensor<f64>)> = Vec::new();
         for _ in 0..options.samples {
             for place in 0..SAMPLE {
                 order.swap(place, random.random_range(place..count));

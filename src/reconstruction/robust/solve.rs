@@ -2,7 +2,7 @@
 //! The map that explains most of the bearings, and which these are.
 
 use super::super::attempt::recoverable;
-use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::super::judge::{assess, refuse_chance, refuse_free};
 use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
@@ -37,39 +37,33 @@ pub fn solve_robust(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     check_sigmas(problem)?;
-    let robust = &robust_options(options);
-    let options = &SolveOptions {
-        refine: robust.refine,
-        ..*options
-    };
+    let options = &with_squares(options);
+    let stages = &options.stages;
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
-    let best = lowest(problem, options, robust, &mut random, progress)?;
-    let best = improve(problem, best, robust, &mut random, progress)?;
-    let [best, rivals @ ..] =
-        &confirm_by_plain_search(problem, best, options, robust, progress)?[..]
+    let best = lowest(problem, options, &mut random, progress)?;
+    let best = improve(problem, best, options, &mut random, progress)?;
+    let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
     else {
         return Err(NOTHING);
     };
-    let mut found = reconstruction(problem, best);
+    let mut found = reconstruction(problem, best, &stages.infinity);
     refuse_free(&problem.subset(&best.inliers), &found)?;
-    refuse_chance(&found)?;
+    refuse_chance(&found, &stages.judge)?;
     found.alternatives = rivals
         .iter()
-        .map(|rival| reconstruction(problem, rival))
+        .map(|rival| reconstruction(problem, rival, &stages.infinity))
         .collect();
     Ok(found)
 }
 
-/// The options of this stage for those of a solve.
-///
-/// Outliers are told apart by this stage; what is left counts with its squares.
-pub fn robust_options(options: &SolveOptions) -> RobustOptions {
-    RobustOptions {
+/// The options with squares for the loss: outliers are told apart by this stage, and what is left counts in full.
+pub fn with_squares(options: &SolveOptions) -> SolveOptions {
+    SolveOptions {
         refine: RefineOptions {
             loss: Loss::Squared,
             ..options.refine
         },
-        ..RobustOptions::default()
+        ..*options
     }
 }
 
@@ -103,16 +97,18 @@ pub fn check_sigmas(problem: &Problem) -> Result<(), Error> {
 fn lowest(
     problem: &Problem,
     options: &SolveOptions,
-    robust: &RobustOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    let commons: Vec<Common> = triples::draw(problem, SAMPLE, robust.all_triples, options.seed)
+    let SolveOptions { seed, stages, .. } = options;
+    let robust = &stages.robust;
+    let drawn = triples::draw(problem, SAMPLE, robust.all_triples, *seed, &stages.draw);
+    let commons: Vec<Common> = drawn
         .into_iter()
         .map(|views| Common::new(problem, views))
         .collect();
     if commons.is_empty() {
-        return from_plain_hypotheses(problem, options.seed, robust, random, progress);
+        return from_plain_hypotheses(problem, options, random, progress);
     }
     let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
     for round in 0..robust.rounds {
@@ -122,7 +118,7 @@ fn lowest(
         let some = commons
             .iter()
             .cycle()
-            .skip(round * robust.triples % commons.len());
+            .skip(round.wrapping_mul(robust.triples) % commons.len());
         let mut seeds: Vec<Seed> = some
             .take(robust.triples)
             .filter_map(|common| common.best_seed(robust, random))
@@ -133,38 +129,38 @@ fn lowest(
                 return Err(Error::Interrupted);
             }
             for motion in branches(problem, seed) {
-                let map = expand(problem, seed, motion, robust, random)?;
-                let Some(consensus) = to_consensus(problem, map, robust)? else {
+                let map = expand(problem, seed, motion, options, random)?;
+                let Some(consensus) = to_consensus(problem, map, options)? else {
                     continue;
                 };
-                let consensus = reestimate_each(problem, consensus, robust, random, progress)?;
+                let consensus = reestimate_each(problem, consensus, options, random, progress)?;
                 let confirmed = confirms(&found, &consensus, seed.views, robust);
                 found.push((consensus, seed.views));
                 if confirmed {
-                    return exchanged(problem, found, robust);
+                    return exchanged(problem, found, options);
                 }
             }
         }
-        let drawn = (round + 1) * robust.triples * robust.samples;
+        let drawn = (round + 1) as f64 * robust.triples as f64 * robust.samples as f64;
         if best_of(found.iter().map(|(consensus, _)| consensus))
-            .is_ok_and(|best| drawn as f64 * good_samples(best) > robust.good_samples)
+            .is_ok_and(|best| drawn * good_samples(best) > robust.good_samples)
         {
             break;
         }
     }
-    exchanged(problem, found, robust)
+    exchanged(problem, found, options)
 }
 
 /// The best of some minima, once sightings have been exchanged in the lowest few.
 fn exchanged(
     problem: &Problem,
     found: Vec<(Consensus, [usize; 3])>,
-    options: &RobustOptions,
+    options: &SolveOptions,
 ) -> Result<Consensus, Error> {
     let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
-    found.truncate(options.exchanged);
+    found.truncate(options.stages.robust.exchanged);
     let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
         .map(|consensus| exchange(problem, consensus, options))
@@ -196,15 +192,21 @@ fn good_samples(best: &Consensus) -> f64 {
 /// The minimum that the plain hypotheses lead to, where problems are too small for samples.
 fn from_plain_hypotheses(
     problem: &Problem,
-    seed: u64,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    let search = SearchOptions::default();
-    let hypotheses = hypotheses::search(problem, &search, seed, progress)?;
+    let plain = SolveOptions {
+        search: SearchOptions::default(),
+        ..*options
+    };
+    let hypotheses = hypotheses::search(problem, &plain, progress)?;
     let mut found = Vec::new();
-    for hypothesis in hypotheses.maps.into_iter().take(options.plain_hypotheses) {
+    for hypothesis in hypotheses
+        .maps
+        .into_iter()
+        .take(options.stages.robust.plain_hypotheses)
+    {
         if let Some(consensus) = to_consensus(problem, hypothesis.map, options)? {
             found.push(reestimate_each(
                 problem, consensus, options, random, progress,
@@ -237,7 +239,7 @@ fn branches<'a>(
 fn improve(
     problem: &Problem,
     mut best: Consensus,
-    options: &RobustOptions,
+    options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
@@ -262,24 +264,23 @@ fn confirm_by_plain_search(
     problem: &Problem,
     best: Consensus,
     options: &SolveOptions,
-    robust: &RobustOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Consensus>, Error> {
-    let options = SolveOptions {
+    let plain = SolveOptions {
         robust: false,
         ..*options
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
     // What the plain search cannot solve may still have been found.
-    if let Ok(mut found) = recoverable(strategy::solve(&kept, &options, progress))? {
+    if let Ok(mut found) = recoverable(strategy::solve(&kept, &plain, progress))? {
         let rivals = core::mem::take(&mut found.alternatives);
         for found in core::iter::once(found).chain(rivals) {
             if inliers(problem, &found.map, OUTLIER) == best.inliers {
                 all.push(Consensus::of(problem, found));
             } else {
                 let inliers = best.inliers.clone();
-                all.extend(fixed_point(problem, found.map, inliers, robust)?);
+                all.extend(fixed_point(problem, found.map, inliers, options)?);
             }
         }
     }
@@ -287,11 +288,16 @@ fn confirm_by_plain_search(
     // Where they are the same, the map of the plain search is the one.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
+    let stages = &options.stages;
     let mut distinct: Vec<Consensus> = Vec::new();
     for consensus in all {
-        let limit = distinct.first().map(|best| best.cost + robust.rival_cost);
+        let limit = distinct
+            .first()
+            .map(|best| best.cost + stages.robust.rival_cost);
         if limit.is_none_or(|limit| consensus.cost < limit)
-            && distinct.iter().all(|other| !other.is_same(&consensus))
+            && distinct
+                .iter()
+                .all(|other| !other.is_same(&consensus, &stages.judge))
         {
             distinct.push(consensus);
         }
@@ -300,11 +306,15 @@ fn confirm_by_plain_search(
 }
 
 /// What is known of a map: made from its inliers, with the residuals of all.
-pub fn reconstruction(problem: &Problem, best: &Consensus) -> Reconstruction {
+pub fn reconstruction(
+    problem: &Problem,
+    best: &Consensus,
+    options: &InfinityOptions,
+) -> Reconstruction {
     let kept = problem.subset(&best.inliers);
     let mut found = Reconstruction::new(&kept, &best.map, best.report.clone());
     let map: Map = found.map.clone();
-    drop_landmarks_at_infinity(&kept, &mut found);
+    drop_landmarks_at_infinity(&kept, &mut found, options);
     assess(&kept, &mut found);
     found.cost = best.cost;
     found.residuals = vec![None; problem.sightings().len()];

@@ -3,7 +3,8 @@
 
 use super::super::grow::{grow, score};
 use super::super::judge::near;
-use super::super::options::{Progress, SearchOptions, report_progress};
+use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
+use super::options::{DrawOptions, HypothesisOptions};
 use super::tensor_circle::{Circle, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
@@ -15,28 +16,6 @@ use alloc::vec::Vec;
 /// fewer the geometry has no finite number of solutions.
 pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
-
-/// Options of the choice among hypotheses.
-#[derive(Clone, Copy, Debug)]
-struct HypothesisOptions {
-    /// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
-    max_sweeps: usize,
-    /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
-    /// minimum.
-    cluster: f64,
-    /// Most clusters that are looked at.
-    max_distinct: usize,
-}
-
-impl Default for HypothesisOptions {
-    fn default() -> Self {
-        Self {
-            max_sweeps: 4,
-            cluster: 0.05,
-            max_distinct: 60,
-        }
-    }
-}
 
 /// A first map.
 pub struct Hypothesis {
@@ -64,31 +43,13 @@ type ScoredHypotheses = Vec<(f64, Hypothesis)>;
 /// Maps grown from many triples of views, the best score first.
 pub fn search(
     problem: &Problem,
-    search: &SearchOptions,
-    seed: u64,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Hypotheses, Error> {
-    if problem.views() < 3 {
-        return Err(Error::TooFew {
-            what: "views",
-            needed: 3,
-            got: problem.views(),
-        });
-    }
-    for (what, got) in [
-        ("triples of the search", search.triples),
-        ("grown triples of the search", search.grown),
-        ("candidates of the search", search.candidates),
-    ] {
-        if got == 0 {
-            return Err(Error::TooFew {
-                what,
-                needed: 1,
-                got,
-            });
-        }
-    }
-    let drawn = triples::draw(problem, MIN_SHARED, search.triples, seed);
+    let SolveOptions { search, seed, .. } = options;
+    let stages = &options.stages;
+    check_size(problem, search)?;
+    let drawn = triples::draw(problem, MIN_SHARED, search.triples, *seed, &stages.draw);
     let mut failure = None;
     let mut seeds = Vec::with_capacity(drawn.len());
     for (done, &views) in drawn.iter().enumerate() {
@@ -126,15 +87,15 @@ pub fn search(
     }
     let four = drawn.is_empty() && problem.views() > 3;
     if four {
-        let count = search.triples.min(HypothesisOptions::default().max_sweeps);
-        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, seed);
+        let count = search.triples.min(stages.hypotheses.max_sweeps);
+        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, *seed, &stages.draw);
         scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
     }
     if scored.is_empty() {
-        return Err(failure.unwrap_or_else(|| too_few_shared(problem)));
+        return Err(failure.unwrap_or_else(|| too_few_shared(problem, &stages.draw)));
     }
     let maps = if four {
-        distinct(scored)
+        distinct(scored, &stages.hypotheses)
     } else {
         ranked(scored)
     };
@@ -146,6 +107,31 @@ pub fn search(
     })
 }
 
+/// Refuses a problem that is too small, and an empty search.
+fn check_size(problem: &Problem, search: &SearchOptions) -> Result<(), Error> {
+    if problem.views() < 3 {
+        return Err(Error::TooFew {
+            what: "views",
+            needed: 3,
+            got: problem.views(),
+        });
+    }
+    for (what, got) in [
+        ("triples of the search", search.triples),
+        ("grown triples of the search", search.grown),
+        ("candidates of the search", search.candidates),
+    ] {
+        if got == 0 {
+            return Err(Error::TooFew {
+                what,
+                needed: 1,
+                got,
+            });
+        }
+    }
+    Ok(())
+}
+
 impl Hypotheses {
     /// More maps: from tensors that noise may have turned into those that were estimated.
     ///
@@ -154,16 +140,12 @@ impl Hypotheses {
     pub fn widened(
         &self,
         problem: &Problem,
-        swept: usize,
+        options: &SolveOptions,
         progress: &mut Option<Progress<'_>>,
     ) -> Result<Vec<Hypothesis>, Error> {
-        let triples = &self.triples[..swept.min(self.triples.len())];
-        Ok(distinct(sweep(
-            problem,
-            triples,
-            Circle::AROUND_BEST,
-            progress,
-        )?))
+        let triples = &self.triples[..options.search.swept.min(self.triples.len())];
+        let scored = sweep(problem, triples, Circle::AROUND_BEST, progress)?;
+        Ok(distinct(scored, &options.stages.hypotheses))
     }
 }
 
@@ -192,29 +174,26 @@ fn ranked(mut scored: ScoredHypotheses) -> Vec<Hypothesis> {
 }
 
 /// What to say when no three views share enough landmarks.
-fn too_few_shared(problem: &Problem) -> Error {
-    too_few(
-        problem,
-        if problem.views() > 3 {
-            MIN_SHARED_WITH_FOURTH
-        } else {
-            MIN_SHARED
-        },
-    )
+fn too_few_shared(problem: &Problem, draw: &DrawOptions) -> Error {
+    let needed = if problem.views() > 3 {
+        MIN_SHARED_WITH_FOURTH
+    } else {
+        MIN_SHARED
+    };
+    too_few(problem, needed, draw)
 }
 
 /// The error of a method that needs so many shared landmarks.
-pub fn too_few(problem: &Problem, needed: usize) -> Error {
+pub fn too_few(problem: &Problem, needed: usize, draw: &DrawOptions) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
         needed,
-        got: triples::most_shared(problem),
+        got: triples::most_shared(problem, draw),
     }
 }
 
 /// The best of each cluster of maps, up to so many.
-fn distinct(scored: ScoredHypotheses) -> Vec<Hypothesis> {
-    let options = HypothesisOptions::default();
+fn distinct(scored: ScoredHypotheses, options: &HypothesisOptions) -> Vec<Hypothesis> {
     let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
     for found in ranked(scored) {
         let normalized = found.map.normalized();

@@ -5,38 +5,22 @@
 //! and in between. Two minima of the whole often differ in such a place and little else, and no
 //! hypothesis that is linear in the landmarks distinguishes them.
 
+use super::options::LandmarkMoveOptions;
 use crate::kernels::triangulate;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
-/// Options of other places for landmarks. Lengths are in sizes of the map: root-mean-square distance of the views.
-#[derive(Clone, Copy, Debug)]
-struct MoveOptions {
-    /// A place is worth a refinement when the cost there, with the views where they are, is higher by at most so many
-    /// times the variance of the residuals.
-    worth: f64,
-    /// How far off a view a landmark begins, and how far it must be from where it was.
-    off: f64,
-    /// How far out a landmark begins that may be at infinity.
-    away: f64,
-}
-
-impl Default for MoveOptions {
-    fn default() -> Self {
-        Self {
-            worth: 10.0,
-            off: 0.02,
-            away: 30.0,
-        }
-    }
-}
-
 /// Maps that differ from a minimum in the place of one landmark, the most promising first.
 ///
 /// `variance` is that of the residuals over sigma.
-pub fn moved_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<Map> {
-    let MoveOptions { worth, off, away } = MoveOptions::default();
+pub fn moved_landmarks(
+    problem: &Problem,
+    map: &Map,
+    variance: f64,
+    options: &LandmarkMoveOptions,
+) -> Vec<Map> {
+    let LandmarkMoveOptions { worth, off, away } = *options;
     let slack = worth * variance;
     let mut found: Vec<(f64, usize, Point2<f64>)> = Vec::new();
     for (landmark, point) in map.landmarks.iter().enumerate() {

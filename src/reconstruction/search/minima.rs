@@ -8,8 +8,9 @@
 
 use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same, variance};
-use super::super::options::{Progress, report_progress};
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
+use super::super::stages::StageOptions;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
 use crate::adjustment::refine_map;
@@ -18,45 +19,11 @@ use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Options of the way from hypotheses to minima.
-#[derive(Clone, Copy, Debug)]
-struct MinimaOptions {
-    /// Iterations that every candidate gets: in the basin of a good minimum it gets there in fewer.
-    first_iterations: usize,
-    /// Most unfinished candidates that go on.
-    max_finished: usize,
-    /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
-    hopeless_ratio: f64,
-    /// Fewest degrees of freedom with which the cost alone identifies the right minimum when the first iterations
-    /// did not reach it: more of these are wrong.
-    sure_freedom: usize,
-    /// Other places of landmarks that are tried in a round.
-    moves: usize,
-    /// Rounds of such tries, each of which must have lowered the cost.
-    move_rounds: usize,
-    /// Iterations that each of them gets: what is not better by then is slow because it is worse.
-    moved_iterations: usize,
-}
-
-impl Default for MinimaOptions {
-    fn default() -> Self {
-        Self {
-            first_iterations: 8,
-            max_finished: 3,
-            hopeless_ratio: 30.0,
-            sure_freedom: 45,
-            moves: 4,
-            move_rounds: 3,
-            moved_iterations: 30,
-        }
-    }
-}
-
 /// Minima found so far, and starts that are not there yet.
 pub struct Minima<'a, 'p> {
     problem: &'a Problem,
-    options: &'a RefineOptions,
-    stage: MinimaOptions,
+    refine: &'a RefineOptions,
+    stages: &'a StageOptions,
     pub progress: &'a mut Option<Progress<'p>>,
     /// With the number of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
@@ -68,13 +35,13 @@ pub struct Minima<'a, 'p> {
 impl<'a, 'p> Minima<'a, 'p> {
     pub fn new(
         problem: &'a Problem,
-        options: &'a RefineOptions,
+        options: &'a SolveOptions,
         progress: &'a mut Option<Progress<'p>>,
     ) -> Self {
         Self {
             problem,
-            options,
-            stage: MinimaOptions::default(),
+            refine: &options.refine,
+            stages: &options.stages,
             progress,
             minima: Vec::new(),
             unfinished: Vec::new(),
@@ -93,7 +60,10 @@ impl<'a, 'p> Minima<'a, 'p> {
         stop: bool,
     ) -> Result<bool, Error> {
         let total = hypotheses.len();
-        let first = self.options.max_iterations.min(self.stage.first_iterations);
+        let first = self
+            .refine
+            .max_iterations
+            .min(self.stages.minima.first_iterations);
         for (done, Hypothesis { map, triple }) in hypotheses.enumerate() {
             let Some(found) = self.refine(map, first, 0, (done, total))? else {
                 continue;
@@ -102,7 +72,8 @@ impl<'a, 'p> Minima<'a, 'p> {
                 self.unfinished.push((found, triple));
                 continue;
             }
-            let beyond_doubt = stop && (is_plausible(&found) || self.confirms(&found, triple));
+            let beyond_doubt =
+                stop && (is_plausible(&found, &self.stages.judge) || self.confirms(&found, triple));
             self.minima.push((found, triple));
             if beyond_doubt {
                 return Ok(true);
@@ -113,11 +84,12 @@ impl<'a, 'p> Minima<'a, 'p> {
 
     /// Whether a minimum is the lowest known, and another triple has led to it before.
     fn confirms(&self, found: &Reconstruction, triple: usize) -> bool {
+        let judge = &self.stages.judge;
         let mut others = self.minima.iter();
         others
             .clone()
             .all(|(other, _)| other.cost >= found.cost * SAME_COST)
-            && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
+            && others.any(|(other, from)| *from != triple && same(&other.map, &found.map, judge))
     }
 
     /// Lets the best of the unfinished go on to their minima, until one is beyond doubt; returns whether
@@ -131,14 +103,14 @@ impl<'a, 'p> Minima<'a, 'p> {
         let total = if all {
             unfinished.len()
         } else {
-            self.stage.max_finished
+            self.stages.minima.max_finished
         };
         let mut done = 0;
         for (found, triple) in unfinished {
             // Of exact bearings there may be several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
                 other.termination != Termination::ZeroResidual
-                    && found.cost > other.cost * self.stage.hopeless_ratio
+                    && found.cost > other.cost * self.stages.minima.hopeless_ratio
             });
             if hopeless {
                 continue;
@@ -148,11 +120,11 @@ impl<'a, 'p> Minima<'a, 'p> {
                 continue;
             }
             let used = found.iterations;
-            let left = self.options.max_iterations.saturating_sub(used);
+            let left = self.refine.max_iterations.saturating_sub(used);
             if let Some(found) = self.refine(found.map, left, used, (done, total))? {
                 let beyond_doubt = !all
-                    && found.freedom >= self.stage.sure_freedom
-                    && (is_plausible(&found) || self.confirms(&found, triple));
+                    && found.freedom >= self.stages.minima.sure_freedom
+                    && (is_plausible(&found, &self.stages.judge) || self.confirms(&found, triple));
                 self.minima.push((found, triple));
                 if beyond_doubt {
                     return Ok(true);
@@ -175,7 +147,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// # Errors
     /// As [`Minima::try_out`].
     pub fn move_landmarks(&mut self) -> Result<(), Error> {
-        for _ in 0..self.stage.move_rounds {
+        for _ in 0..self.stages.minima.move_rounds {
             let lowest = self
                 .minima
                 .iter()
@@ -186,11 +158,19 @@ impl<'a, 'p> Minima<'a, 'p> {
                 break;
             }
             let cost = best.cost;
-            let maps = moved_landmarks(self.problem, &best.map, variance(best));
-            let total = maps.len().min(self.stage.moves);
+            let maps = moved_landmarks(
+                self.problem,
+                &best.map,
+                variance(best),
+                &self.stages.landmark_moves,
+            );
+            let total = maps.len().min(self.stages.minima.moves);
             let mut lower = false;
-            for (done, map) in maps.into_iter().take(self.stage.moves).enumerate() {
-                let iterations = self.options.max_iterations.min(self.stage.moved_iterations);
+            for (done, map) in maps.into_iter().take(self.stages.minima.moves).enumerate() {
+                let iterations = self
+                    .refine
+                    .max_iterations
+                    .min(self.stages.minima.moved_iterations);
                 if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
                     lower |= found.cost < cost * SAME_COST;
                     self.minima.push((found, usize::MAX));
@@ -224,7 +204,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     ) -> Result<Option<Reconstruction>, Error> {
         let options = RefineOptions {
             max_iterations,
-            ..*self.options
+            ..*self.refine
         };
         let mut observer = |_, _| report_progress(self.progress, "refine", done, total);
         let refined = refine_map(self.problem, &mut map, &options, Some(&mut observer));

@@ -5,6 +5,7 @@ use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::choose;
 use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
+use super::super::stages::StageOptions;
 use super::hypotheses;
 use super::minima::Minima;
 use crate::error::Error;
@@ -19,15 +20,15 @@ pub fn lowest(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut hypotheses = hypotheses::search(problem, &options.search, options.seed, progress)?;
+    let mut hypotheses = hypotheses::search(problem, options, progress)?;
     let search = &options.search;
     let maps = core::mem::take(&mut hypotheses.maps).into_iter();
-    let mut minima = Minima::new(problem, &options.refine, progress);
+    let mut minima = Minima::new(problem, options, progress);
     if hypotheses.unique {
         let candidates = maps.take(search.candidates);
         let beyond_doubt = minima.try_out(candidates, true)? || minima.finish(false)?;
         if !beyond_doubt && search.swept > 0 {
-            let maps = hypotheses.widened(problem, search.swept, minima.progress)?;
+            let maps = hypotheses.widened(problem, options, minima.progress)?;
             let candidates = maps.into_iter().take(2 * search.candidates);
             if !minima.try_out(candidates, true)? {
                 minima.finish(false)?;
@@ -37,13 +38,13 @@ pub fn lowest(
         // Three views, or four landmarks: several minima may be exact.
         minima.try_out(maps, false)?;
         if !minima.has_exact() && search.swept > 0 {
-            let maps = hypotheses.widened(problem, search.swept, minima.progress)?;
+            let maps = hypotheses.widened(problem, options, minima.progress)?;
             minima.try_out(maps.into_iter().take(2 * search.candidates), false)?;
         }
         minima.finish(hypotheses.four)?;
     }
     minima.move_landmarks()?;
-    best_of(problem, minima)
+    best_of(problem, minima, &options.stages)
 }
 
 /// The minimum that one map leads to, not yet tested for free directions.
@@ -56,19 +57,23 @@ pub fn from_map(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut minima = Minima::new(problem, &options.refine, progress);
+    let mut minima = Minima::new(problem, options, progress);
     let start = hypotheses::Hypothesis { map, triple: 0 };
     minima.try_out([start].into_iter(), false)?;
     minima.finish(true)?;
-    best_of(problem, minima)
+    best_of(problem, minima, &options.stages)
 }
 
 /// The best of the minima with its rivals.
-fn best_of(problem: &Problem, minima: Minima<'_, '_>) -> Result<Reconstruction, Error> {
-    let mut best = choose(problem, minima.into_found()?)?;
-    drop_landmarks_at_infinity(problem, &mut best);
+fn best_of(
+    problem: &Problem,
+    minima: Minima<'_, '_>,
+    stages: &StageOptions,
+) -> Result<Reconstruction, Error> {
+    let mut best = choose(problem, minima.into_found()?, &stages.judge)?;
+    drop_landmarks_at_infinity(problem, &mut best, &stages.infinity);
     for rival in &mut best.alternatives {
-        drop_landmarks_at_infinity(problem, rival);
+        drop_landmarks_at_infinity(problem, rival, &stages.infinity);
     }
     Ok(best)
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Triples of views that share landmarks.
 
+use super::options::DrawOptions;
 use crate::kernels::{Motion, Triple};
 use crate::problem::Problem;
 use alloc::collections::BTreeSet;
@@ -8,24 +9,6 @@ use alloc::vec;
 use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-/// Options of the draw of triples.
-#[derive(Clone, Copy, Debug)]
-struct DrawOptions {
-    /// Views up to which all triples are listed; beyond, they are drawn: 40 views have 9880 triples.
-    listed_views: usize,
-    /// Draws per triple wanted when they are not listed.
-    draws: usize,
-}
-
-impl Default for DrawOptions {
-    fn default() -> Self {
-        Self {
-            listed_views: 40,
-            draws: 50,
-        }
-    }
-}
 
 /// Bit sets of the landmarks that each view sees, of the views and landmarks that can be in a triple.
 struct Sight {
@@ -80,16 +63,22 @@ impl Sight {
 }
 
 /// The most landmarks that any three views share, among the first few dozen views.
-pub fn most_shared(problem: &Problem) -> usize {
+pub fn most_shared(problem: &Problem, options: &DrawOptions) -> usize {
     let sight = Sight::new(problem, 1);
-    let views = DrawOptions::default().listed_views;
-    let all = sight.triples(views).map(|slots| sight.common(slots));
+    let all = sight
+        .triples(options.listed_views)
+        .map(|slots| sight.common(slots));
     all.max().unwrap_or(0)
 }
 
 /// Up to `count` different triples of views that share at least `needed` landmarks, in random order.
-pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[usize; 3]> {
-    let options = DrawOptions::default();
+pub fn draw(
+    problem: &Problem,
+    needed: usize,
+    count: usize,
+    seed: u64,
+    options: &DrawOptions,
+) -> Vec<[usize; 3]> {
     let sight = Sight::new(problem, needed);
     let views = sight.views.len();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -110,7 +99,7 @@ pub fn draw(problem: &Problem, needed: usize, count: usize, seed: u64) -> Vec<[u
             slot[view] = place;
         }
         let mut known = BTreeSet::new();
-        for _ in 0..options.draws * count {
+        for _ in 0..options.draws.saturating_mul(count) {
             let seen = problem.of_view(sight.views[random.random_range(0..views)]);
             let first = seen[random.random_range(0..seen.len())];
             let others = problem.of_landmark(first.landmark);

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! How much of the landmarks the views see.
+
+use crate::problem::Problem;
+
+/// Options of the decision that sight is limited.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct SightOptions {
+    /// Sight is limited with more views than this: no triple knows much of the whole.
+    pub many_views: usize,
+    /// With fewer views than this it is not.
+    pub few_views: usize,
+    /// In between it is when the views see less than this part of the landmarks on average.
+    pub filled: f64,
+}
+
+impl Default for SightOptions {
+    fn default() -> Self {
+        Self {
+            many_views: 40,
+            few_views: 8,
+            filled: 0.6,
+        }
+    }
+}
+
+/// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
+/// the landmarks on average.
+///
+/// A triple of views then knows little of the whole, and a map that is grown from it without refinement
+/// in between drifts. Views and landmarks without sightings do not count.
+pub fn is_limited(problem: &Problem, options: &SightOptions) -> bool {
+    let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
+    let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
+    let (views, landmarks) = (views.count(), landmarks.count());
+    let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
+    views > options.many_views || (views >= options.few_views && filled < options.filled)
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! The options of all stages, in one place for a caller who varies them.
+
+use super::global::options::{AveragingOptions, PositionOptions, RelativeHeadingOptions};
+use super::incremental::options::IncrementalOptions;
+use super::infinity::InfinityOptions;
+use super::judge::JudgeOptions;
+use super::odometry::options::{
+    OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
+    StrideOptions,
+};
+use super::robust::options::RobustOptions;
+use super::search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
+use super::sight::SightOptions;
+
+/// The thresholds, counts and tolerances of the stages of a reconstruction.
+///
+/// The defaults suit any problem; other values are for experiments, and may make a solve slower or miss the
+/// best map, but never panic.
+///
+/// # Example
+/// ```
+/// use bearslam::{Arena, Layout, Problem, SolveOptions, simulate, solve};
+/// let scene = simulate(Layout::Mixed, 12, 9, 0.01, 7, Arena::default())?;
+/// let problem = Problem::dense(12, 9, &scene.bearings, 0.01)?;
+/// let mut options = SolveOptions::default();
+/// // As if sight were limited: grown view by view.
+/// options.stages.sight.many_views = 10;
+/// let grown = solve(&problem, &options, None)?;
+/// let searched = solve(&problem, &SolveOptions::default(), None)?;
+/// assert!((grown.cost / searched.cost - 1.0).abs() < 1e-6);
+/// # Ok::<(), bearslam::Error>(())
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct StageOptions {
+    /// When sight is limited, so that a map grows view by view.
+    pub sight: SightOptions,
+    /// How triples of views are drawn.
+    pub draw: DrawOptions,
+    /// Which hypotheses of the search are looked at.
+    pub hypotheses: HypothesisOptions,
+    /// How far hypotheses are refined.
+    pub minima: MinimaOptions,
+    /// Which other places of landmarks are tried.
+    pub landmark_moves: LandmarkMoveOptions,
+    /// Growth view by view, for limited sight and [`Strategy::Incremental`](crate::Strategy::Incremental).
+    pub incremental: IncrementalOptions,
+    /// Which triples the global method uses.
+    pub relative_headings: RelativeHeadingOptions,
+    /// How the global method averages headings.
+    pub averaging: AveragingOptions,
+    /// How the global method finds positions.
+    pub positions: PositionOptions,
+    /// What a map is worth, whether it is plausible, and which others are its rivals.
+    pub judge: JudgeOptions,
+    /// When a landmark is at infinity.
+    pub infinity: InfinityOptions,
+    /// Bearings some of which are wrong: [`SolveOptions::robust`](crate::SolveOptions::robust).
+    pub robust: RobustOptions,
+    /// Which starts are tried with odometry or priors.
+    pub posterior: PosteriorOptions,
+    /// Growth along odometry, of both kinds.
+    pub odometry_growth: OdometryGrowthOptions,
+    /// Growth along odometry by least squares.
+    pub stride: StrideOptions,
+    /// Growth along odometry when bearings may be wrong.
+    pub robust_growth: RobustGrowthOptions,
+    /// Sweeps along odometry when bearings may be wrong.
+    pub odometry_sweeps: OdometrySweepOptions,
+}
