@@ -10,7 +10,7 @@ use crate::uncertainty::unbounded_landmarks;
 /// Options of the decision that a landmark is at infinity.
 #[derive(Clone, Copy, Debug)]
 struct InfinityOptions {
-    /// Root mean square of the residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
+    /// Root mean square of the residuals \[rad\] above which a map is taken to be wrong: its landmarks are not tested.
     plausible_rms: f64,
 }
 
@@ -20,11 +20,11 @@ impl Default for InfinityOptions {
     }
 }
 
-/// Takes landmarks at infinity out of a refined map: their range means nothing.
+/// Removes landmarks at infinity from a refined map: their range is undetermined.
 ///
 /// Their bearings have been used: they determine the headings, and the cost counts them.
 pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction) {
-    // Exact bearings leave no noise to judge by, and of a map that explains nothing no landmark is known.
+    // Exact bearings leave no noise to judge by, and in a map that explains nothing no landmark can be judged.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
         || found.rms > InfinityOptions::default().plausible_rms
@@ -36,7 +36,7 @@ pub fn drop_landmarks_at_infinity(problem: &Problem, found: &mut Reconstruction)
         .iter()
         .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))
         .sum();
-    // When the map depends on them, its uncertainty shows it.
+    // When the map depends on them they stay, and its uncertainty shows it.
     if lost >= found.freedom {
         return;
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a minimum is worth: its variance, whether it is plausible, to be refused, the same as another or as good,
-//! and which of several is the best.
+//! Judgement of minima: their variance, whether one is plausible or must be rejected, whether two are the same or
+//! equally good, and which of several is the best.
 
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
@@ -11,24 +11,24 @@ use crate::problem::{Map, Problem, Undetermined, Why};
 use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
 
-/// What is asked of a map.
+/// Thresholds for judging a map.
 #[derive(Clone, Copy, Debug)]
 struct JudgeOptions {
-    /// Fewest degrees of freedom with which the cost alone identifies the right minimum.
+    /// Minimum degrees of freedom with which the cost alone identifies the right minimum.
     telling_freedom: usize,
-    /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
+    /// How far the cost of the right minimum may be from its expectation, in standard deviations of the cost.
     plausible_deviations: f64,
     /// A map is a rival of another when its variance is at most this many times the other's: three times the
     /// residuals.
     rival_ratio: f64,
-    /// Positions over the size of the map, and headings \[rad\], by which two maps of one minimum differ less.
+    /// Two maps are the same minimum when positions over the size of the map, and headings \[rad\], differ by less.
     same: f64,
-    /// Sightings for each outlier, of which a plausible robust map has at least so many: `robust` is for up to a third.
+    /// A plausible robust map has at least this many sightings for each outlier: `robust` is for up to a third.
     sightings_per_outlier: usize,
-    /// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a tenth,
-    /// scenes with three outliers in ten one or more.
+    /// Degrees of freedom for each outlier below which there is no consensus. Random bearings have a tenth, scenes with
+    /// three outliers in ten have one or more.
     spare_per_outlier: f64,
-    /// So few outliers are no sign of chance, however few bearings there are.
+    /// With at most this many outliers a map is never taken for a chance agreement.
     few_outliers: usize,
 }
 
@@ -46,23 +46,23 @@ impl Default for JudgeOptions {
     }
 }
 
-/// Costs whose ratio is closer to 1 than this are those of one minimum. No option: it is what refinements of one minimum
-/// differ by.
+/// Costs whose ratio is closer to 1 than this belong to the same minimum. Not an option: refinements to the same
+/// minimum differ by up to this.
 pub const SAME_COST: f64 = 1.0 - 1e-6;
 
-/// The estimated variance of a residual over sigma: twice the cost per degree of freedom, 1 when the standard
-/// deviations are right. Per degree of freedom, because maps need not explain the same sightings.
+/// The estimated variance of unit weight: twice the cost per degree of freedom, 1 when the standard deviations are
+/// right. Unlike the cost, it can be compared between maps that explain different sightings.
 pub fn variance(found: &Reconstruction) -> f64 {
     2.0 * found.cost / found.freedom.max(1) as f64
 }
 
-/// The variance of residuals that are rounding of the bearings, for this weight (one over sigma): exact maps
+/// The variance of residuals due to rounding of the bearings, for this weight (one over sigma): exact maps
 /// differ by less.
 pub fn rounding(weight: f64) -> f64 {
     2.0 * f64::EPSILON * (weight * weight)
 }
 
-/// Whether a variance is at most `ratio` times the least, but for rounding.
+/// Whether a variance is at most `ratio` times the least, up to rounding.
 pub fn is_as_good(variance: f64, least: f64, ratio: f64, rounding: f64) -> bool {
     variance <= ratio * least + rounding
 }
@@ -75,22 +75,22 @@ pub fn assess(problem: &Problem, found: &mut Reconstruction) {
     }
 }
 
-/// Fills in sensitivity and uncertainty of the best map and tests it for directions that the bearings leave free.
+/// Fills in sensitivity and uncertainty of the best map, and rejects it if the bearings leave a direction free.
 pub fn judged(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruction, Error> {
     assess(problem, &mut best);
     refuse_free(problem, &best)?;
     Ok(best)
 }
 
-/// Refuses a map that exact bearings leave free in a direction.
+/// Rejects a map with a direction that exact bearings leave free.
 ///
-/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is refused here:
+/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is rejected here:
 /// `diagnose` and the covariance show such directions.
 pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
     if !problem.priors().is_empty() {
         return Ok(());
     }
-    // Beyond this the number is rounding itself.
+    // Above this the value is mostly rounding.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
     // When the bearings are explained to rounding, the geometry must be at fault; with noise the
@@ -128,7 +128,7 @@ pub fn is_plausible(found: &Reconstruction) -> bool {
 }
 
 /// Whether the cost of a map with odometry and priors is no more than the standard deviations predict, and it
-/// reaches all that any start would. A lower cost is no objection.
+/// contains everything that any start could determine. A cost below the prediction is accepted.
 pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
     let bound = JudgeOptions::default().plausible_deviations;
     let freedom = found.freedom as f64;
@@ -139,13 +139,13 @@ pub fn is_plausible_posterior(found: &Reconstruction) -> bool {
         && excess <= 0.0_f64.max(bound * (2.0 * freedom).sqrt())
 }
 
-/// Whether a robust map with odometry and priors reaches all that any start would, with no more outliers than
-/// a search finds its way among.
+/// Whether a robust map with odometry and priors contains everything that any start could determine, with no
+/// more outliers than the robust search can handle.
 ///
-/// Its cost is not looked at: real standard deviations are never exact, whereas a wrong map has many outliers
+/// The cost is ignored: real standard deviations are never exact, whereas a wrong map has many outliers
 /// whatever they are.
 pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
-    // No start would reach these, or their sightings are among the outliers that are counted.
+    // No start could determine these, or their sightings already count as outliers.
     let hopeless = |one: &Undetermined| {
         matches!(
             one.why,
@@ -158,8 +158,8 @@ pub fn is_plausible_consensus(found: &Reconstruction) -> bool {
         && JudgeOptions::default().sightings_per_outlier * outliers <= found.inliers.len()
 }
 
-/// Refuses a map that chance explains: for any bearings, even random ones, there is a map with which as many of
-/// them agree as it has unknowns, and a few more.
+/// Rejects a map that may be a chance agreement: for any bearings, even random ones, some map agrees with as many
+/// of them as it has unknowns, and a few more.
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
@@ -174,8 +174,8 @@ pub fn refuse_chance(found: &Reconstruction) -> Result<(), Error> {
     )
 }
 
-/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
-/// they say.
+/// Rejects a map along odometry with which most bearings disagree: odometry alone gives a map, whatever the
+/// bearings.
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
@@ -226,7 +226,7 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
     let ratio = JudgeOptions::default().rival_ratio;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = rounding(mean_weight(problem));
-    // Of those that fit about as well as the best, the one that reaches most.
+    // Of those that fit about as well as the best, the one that leaves least undetermined.
     let rank = |found: &Reconstruction| {
         let variance = variance(found);
         let fits = is_as_good(variance, least, ratio, rounding);
@@ -255,7 +255,7 @@ pub fn choose(problem: &Problem, mut found: Vec<Reconstruction>) -> Result<Recon
     Ok(best)
 }
 
-/// Views and landmarks that a map does not reach.
+/// Number of undetermined views and landmarks.
 fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which strategy suits how much the views see, what it finds, and how the maps of several components are returned.
+//! Choice of the strategy by how much the views see, and the result of several components.
 
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
@@ -17,11 +17,11 @@ use alloc::vec::Vec;
 /// The rule of [`is_limited`].
 #[derive(Clone, Copy, Debug)]
 struct SightOptions {
-    /// Sight is limited with more views than this: no triple knows much of the whole.
+    /// Sight is limited with more views than this: no triple covers much of the whole.
     many_views: usize,
-    /// With fewer views than this it is not.
+    /// Sight is not limited with fewer views than this.
     few_views: usize,
-    /// In between it is when the views see less than this part of the landmarks on average.
+    /// In between, sight is limited when the views see less than this fraction of the landmarks on average.
     filled: f64,
 }
 
@@ -35,10 +35,10 @@ impl Default for SightOptions {
     }
 }
 
-/// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
-/// the landmarks on average.
+/// Whether sight is limited: more than 40 views, or at least eight that see less than 60 % of the
+/// landmarks on average.
 ///
-/// A triple of views then knows little of the whole, and a map that is grown from it without refinement
+/// A triple of views then covers little of the whole, and a map that is grown from it without refinement
 /// in between drifts. Views and landmarks without sightings do not count.
 fn is_limited(problem: &Problem) -> bool {
     let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
@@ -49,7 +49,7 @@ fn is_limited(problem: &Problem) -> bool {
     views > options.many_views || (views >= options.few_views && filled < options.filled)
 }
 
-/// The strategy that is effective: the search gives way to growth under limited sight.
+/// The effective strategy: under limited sight, incremental growth replaces the search.
 fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
     match strategy {
         Strategy::Search if is_limited(problem) => Strategy::Incremental,
@@ -57,7 +57,7 @@ fn effective(problem: &Problem, strategy: Strategy) -> Strategy {
     }
 }
 
-/// The map from bearings alone, without outliers, judged.
+/// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
@@ -69,7 +69,7 @@ pub fn solve(
     judged(problem, lowest(problem, options, progress)?)
 }
 
-/// The same, not yet tested for free directions.
+/// As [`solve`], but not yet tested for free directions.
 ///
 /// # Errors
 /// As [`solve`].
@@ -98,8 +98,8 @@ pub fn lowest(
     }
 }
 
-/// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
-/// everything sees nearly everything, or no three views share five landmarks.
+/// The refined maps of all components, the largest first; empty for the other strategies, or when no three
+/// views share five landmarks.
 fn components(
     problem: &Problem,
     options: &SolveOptions,
@@ -116,7 +116,7 @@ fn components(
     }
 }
 
-/// First maps without refinement, the best first: two of a search, for either may be the better one.
+/// First maps without a final refinement, the best first; two of a search, because either may be the better one.
 ///
 /// # Errors
 /// As [`initialize`](super::initialize).
@@ -147,7 +147,7 @@ pub fn first_maps(
     }
 }
 
-/// Why growth and the global method have found no map.
+/// The error when growth or the global method finds no map.
 fn no_map(problem: &Problem) -> Error {
     match hypotheses::too_few(problem, MIN_SHARED) {
         Error::TooFew { got, .. } if got >= MIN_SHARED => Error::Degenerate {
@@ -159,10 +159,10 @@ fn no_map(problem: &Problem) -> Error {
     }
 }
 
-/// The largest map with the others as its components; `None` of none.
+/// The largest map with the others as its components; `None` when there are none.
 ///
-/// What is in any of them is not undetermined. The components list only their own landmarks at
-/// infinity.
+/// What is in any component is not listed as undetermined. The components list only their own landmarks
+/// at infinity.
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
@@ -182,8 +182,7 @@ pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<R
         }
     }
     for other in &mut main.components {
-        // A landmark at infinity is part of the map all the same. What this map never reached is not listed
-        // here.
+        // List landmarks at infinity, which still belong to this map, but not what it never reached.
         other
             .undetermined
             .retain(|undetermined| undetermined.why == Why::AtInfinity);

@@ -10,14 +10,14 @@ use nalgebra::{DMatrix, DVector, Matrix2, Point2, Translation2, UnitComplex, Vec
 /// Options of the linear system.
 #[derive(Clone, Copy, Debug)]
 struct PositionOptions {
-    /// Rounds of reweighting: rows are divided by the range of the round before.
+    /// Rounds of reweighting: each divides the rows by the ranges that the previous round found.
     rounds: usize,
-    /// Steps of inverse iteration in a round. The next round goes on from where this one ends.
+    /// Steps of inverse iteration in a round. The next round starts from the result.
     steps: usize,
-    /// No range counts as less than this part of the median, or one bad sighting would rule the system.
+    /// Smallest range used for weighting, as a fraction of the median: otherwise one bad sighting could dominate.
     nearest: f64,
-    /// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about the
-    /// square of half the parallax in radians) place no landmark.
+    /// A landmark is not placed when its rays spread less than this: smaller over larger eigenvalue of their
+    /// information, about the square of half the parallax in radians.
     spread: f64,
 }
 
@@ -42,7 +42,7 @@ struct DirectedRay {
 }
 
 impl DirectedRay {
-    /// The direction at right angles to it, times the weight.
+    /// The unit normal of the ray, times the weight.
     fn row(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x) * self.weight
     }
@@ -56,7 +56,7 @@ struct RayBundle {
 }
 
 impl RayBundle {
-    /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
+    /// Inverse of the landmark's normal matrix; `None` when the rays are nearly parallel.
     fn inverse(&self) -> Option<Matrix2<f64>> {
         let mut information = Matrix2::zeros();
         for ray in &self.rays {
@@ -71,10 +71,10 @@ impl RayBundle {
 
 /// The map of the views that have a heading; `None` when the rays determine nothing.
 ///
-/// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
-/// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
-/// positions are the smallest eigenvector of what is left, after the two translations: inverse
-/// iteration, from the direction in which all landmarks move ahead of the views that see them.
+/// With `n` the unit normal of a ray, the row `n . (x_j - p_i) = 0` divided by the range is the sine of
+/// the angular error, (T30). Landmarks are eliminated in closed form. The positions are the eigenvector of
+/// the reduced system with the smallest eigenvalue, other than the two translations. Inverse iteration
+/// finds it, starting in the direction that moves all landmarks ahead of the views that see them.
 pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option<Map> {
     let mut slot = vec![usize::MAX; headings.len()];
     let mut views = Vec::new();
@@ -122,7 +122,7 @@ pub fn solve(problem: &Problem, headings: &[Option<UnitComplex<f64>>]) -> Option
     map.poses.iter().any(Option::is_some).then_some(map)
 }
 
-/// Solves the system with the weights as they are; sets the landmarks.
+/// Solves the system with the current weights and sets the landmarks.
 fn round(
     views: usize,
     bundles: &mut Vec<RayBundle>,
@@ -159,8 +159,8 @@ fn round(
             }
         }
     }
-    // The translations get the stiffness of an average view, and everything a little more than
-    // rounding.
+    // Gauge: the translations get the stiffness of an average view, and the whole diagonal a little more
+    // than rounding.
     let mean = matrix.diagonal().sum() / (2.0 * views as f64);
     let stiffness = mean / (views as f64);
     for a in 0..views {
@@ -197,7 +197,7 @@ fn round(
     Some(positions)
 }
 
-/// Divides the rows by the ranges that have been found.
+/// Divides the rows by the current ranges.
 fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>) {
     let range =
         |bundle: &RayBundle, ray: &DirectedRay| (bundle.point - at(positions, ray.view)).norm();

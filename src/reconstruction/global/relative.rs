@@ -15,11 +15,11 @@ use nalgebra::UnitComplex;
 struct RelativeOptions {
     /// Triples that are drawn for each view.
     per_view: usize,
-    /// Fewest triples that are drawn.
+    /// Minimum number of triples that are drawn.
     fewest: usize,
-    /// The best conditioned of them that are kept for each view.
+    /// Triples that are kept for each view, the best conditioned.
     kept: usize,
-    /// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
+    /// Landmarks that a triple must share: six, so that one is redundant, then five, the minimum.
     shared: [usize; 2],
 }
 
@@ -34,10 +34,10 @@ impl Default for RelativeOptions {
     }
 }
 
-/// The headings of three views, up to a common turn.
+/// The headings of three views, up to a common rotation.
 pub struct Relative {
     pub views: [usize; 3],
-    /// One or two: both branches where the signs of the bearings leave them possible.
+    /// One branch, or both where the signs of the bearings do not decide between them.
     pub branches: Vec<[UnitComplex<f64>; 3]>,
     /// Inversely proportional to the standard deviation of the headings, for equal noise.
     pub quality: f64,
@@ -46,7 +46,7 @@ pub struct Relative {
 /// Triples of views for the averaging, the best conditioned first.
 ///
 /// # Errors
-/// [`Error::Interrupted`]; why no triple can be estimated, when none can.
+/// [`Error::Interrupted`]; when no triple can be estimated, the error of the last one.
 pub fn relatives(
     problem: &Problem,
     seed: u64,
@@ -90,8 +90,8 @@ pub fn relatives(
     }
 }
 
-/// One triple; `None` when it shares more landmarks than `fewest`, the least that is asked for, and has been
-/// drawn before.
+/// Estimates one triple. `None` in the draw with `needed` equal to `fewest` when it shares more landmarks: an
+/// earlier draw has had it.
 fn relative(
     problem: &Problem,
     views: [usize; 3],
@@ -116,7 +116,7 @@ fn relative(
     }))
 }
 
-/// The sets of views that triples connect, the largest first; views of no triple are in none.
+/// The sets of views connected by triples, the largest first; a view in no triple is in none of them.
 pub fn groups(views: usize, relatives: &[Relative]) -> Vec<Vec<usize>> {
     let mut parent: Vec<usize> = (0..views).collect();
     fn root(parent: &mut [usize], mut view: usize) -> usize {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Where maps begin: well conditioned triples of views.
+//! Seeds of maps: well-conditioned triples of views.
 
 use super::super::search::triples::{self, are_rivals, common_bearings};
 use super::options::IncrementalOptions;
@@ -11,8 +11,8 @@ use alloc::vec::Vec;
 /// Triples of views that may start a map, the best conditioned first.
 ///
 /// # Errors
-/// Why the last of them could not, when none can; `Ok` and empty when no three views share five
-/// landmarks.
+/// When no triple can be estimated, the error of the last one. When no three views share five landmarks,
+/// the result is `Ok` and empty.
 pub fn seeds(
     problem: &Problem,
     options: &IncrementalOptions,
@@ -45,7 +45,7 @@ pub fn seeds(
     }
 }
 
-/// The poses of a seed: one map, or two where the signs of the bearings leave both branches possible.
+/// The poses of a seed: one map, or two where the signs of the bearings do not decide between the branches.
 pub fn begin(problem: &Problem, views: [usize; 3]) -> Vec<Map> {
     let (triples, _) = common_bearings(problem, views);
     let Ok(solution) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Growth along odometry by least squares: motions as they are, rays triangulated, priors where there are any.
+//! Growth along odometry by least squares: views by dead reckoning, landmarks by priors or triangulation.
 
 use super::super::grow::{grow, resect_view};
 use super::super::robust::motions::OdometryLink;
@@ -15,13 +15,13 @@ use alloc::vec::Vec;
 /// Options of the growth by least squares.
 #[derive(Clone, Copy, Debug)]
 struct StrideOptions {
-    /// A piece is refined again when it has grown by one view for so many that it had.
+    /// A piece is refined again after it has grown by one view for every this many that it had.
     part: usize,
-    /// The fewest views by which it grows in between.
+    /// Minimum number of views added between refinements.
     shortest: usize,
-    /// The most views by which it grows in between: a long way by odometry alone leads out of the reach of the refinement.
+    /// Maximum number of views added between refinements: after longer dead reckoning a refinement may not converge.
     longest: usize,
-    /// Tolerance of the refinements on the way, relative to the cost.
+    /// Tolerance of the refinements during growth, relative to the cost.
     tolerance: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct LeastSquaresPlacement<'a> {
 }
 
 impl<'a> LeastSquaresPlacement<'a> {
-    /// `refine` are the options of the caller's refinement, whose loss counts on the way as well.
+    /// `refine` holds the options of the caller's refinement; its loss is used during growth as well.
     pub fn new(problem: &'a Problem, refine: &RefineOptions, growth: &GrowthOptions) -> Self {
         let stride = StrideOptions::default();
         let mut known = vec![false; problem.landmarks()];
@@ -68,10 +68,10 @@ impl<'a> LeastSquaresPlacement<'a> {
         }
     }
 
-    /// Triangulates anew every landmark without a prior whose rays have more than this parallax.
+    /// Triangulates again every landmark without a prior whose rays have more than this parallax.
     ///
-    /// A landmark that was first seen over a short distance may have come out anywhere; once its views are
-    /// refined it need not stay there.
+    /// A landmark that was first seen over a short baseline may have been placed anywhere; its views are
+    /// better known after a refinement.
     fn triangulate(&self, map: &mut Map, parallax: f64) {
         for landmark in (0..self.known.len()).filter(|&landmark| !self.known[landmark]) {
             let rays = map.rays(self.problem, landmark);
@@ -123,7 +123,7 @@ impl Placement for LeastSquaresPlacement<'_> {
         self.triangulate(map, self.min_parallax);
     }
 
-    /// The view that sees most of what there is.
+    /// The view not yet placed that sees most landmarks of the map.
     fn next_apart(&self, map: &Map) -> Option<(usize, Pose<f64>)> {
         let unseen = (0..map.poses.len()).filter(|&view| map.poses[view].is_none());
         let (_, view) = unseen

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Lower minima along the odometry.
+//! Sweeps along the odometry to lower minima.
 //!
-//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of views may be
-//! drawn to where a few wrong bearings and the odometry agree. Once all landmarks are known, the same views can be
-//! placed one after the other by all of them; a sweep from the other end places them differently where it matters.
+//! While a map grows, its views are placed by poorly determined landmarks, and a stretch of views may settle where a
+//! few outliers and the odometry agree. Once all landmarks are known, a sweep places all views again, one after the
+//! other, by all of their landmarks. Sweeps from the two ends give different poses where it matters.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
@@ -20,14 +20,14 @@ use rand_chacha::ChaCha8Rng;
 /// Options of the sweeps.
 #[derive(Clone, Copy, Debug)]
 struct SweepOptions {
-    /// Most rounds: each lowers the cost, so they end by themselves.
+    /// Maximum number of rounds: each lowers the cost, so they end by themselves.
     rounds: usize,
-    /// A round is worth another when it has lowered the cost by more than this: that of an outlier.
+    /// Another round follows when the last one lowered the cost by more than this: the cost of an outlier.
     worth: f64,
     /// Tolerance of the refinement with Cauchy's loss: it only has to identify the inliers.
     cauchy_tolerance: f64,
-    /// Bounds, in standard deviations, that are each tried once for the choice of the inliers: narrow ones leave out
-    /// what has bent the map, wide ones take back what that has pushed out.
+    /// Bounds, in standard deviations, that are each tried once for the selection of inliers: narrow ones exclude
+    /// outliers that have bent the map, wide ones readmit good bearings that such outliers have pushed out.
     bounds: [f64; 4],
 }
 
@@ -42,7 +42,7 @@ impl Default for SweepOptions {
     }
 }
 
-/// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
+/// The fixed point that a start leads to through the minimum with Cauchy's loss, which outliers hardly move.
 ///
 /// # Errors
 /// Those of the refinement.
@@ -56,13 +56,13 @@ pub fn cauchy_consensus(
         tolerance: SweepOptions::default().cauchy_tolerance,
         ..options.refine
     };
-    // Where the whole cannot be refined, a part may still be.
+    // If the whole cannot be refined, its inliers may still be.
     attempt(problem, &mut map, &soft, None)?;
     to_consensus(problem, map, options)
 }
 
-/// Places all views anew along the odometry, from its first view on and from its last, as long as that
-/// lowers the cost; then tries other bounds for the inliers.
+/// Places all views again along the odometry, forwards and backwards, as long as that lowers the cost; then
+/// tries other bounds for the inliers.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
@@ -103,8 +103,8 @@ pub fn sweep_odometry(
     Ok(best)
 }
 
-/// The views of a map placed one after the other along the odometry, by all of its landmarks; of each set of
-/// connected views the first, or the last, stays where it is.
+/// The views of a map placed one after the other along the odometry, by all of its landmarks. In each set of
+/// connected views the first view (the last if `backward`) keeps its pose.
 fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps: usize) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);

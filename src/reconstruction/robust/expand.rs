@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From three views to a whole map, with bearings that may be wrong.
+//! Robust growth from three views to a whole map.
 
 use super::consensus::descend;
 use super::options::RobustOptions;
@@ -12,8 +12,8 @@ use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
 
-/// Grows a map from a seed by resection and triangulation in turn, refined in between; the views on
-/// which most landmarks agree come first, half as many at a time as there are.
+/// Grows a map from a seed by resection and triangulation in turn, refined in between. The views with most
+/// inliers come first; a round adds at most half as many views as the map has.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
@@ -55,7 +55,7 @@ pub fn extend(
     options: &RobustOptions,
     random: &mut ChaCha8Rng,
 ) -> Result<(), Error> {
-    // At least one view more each time, unless the refinement has thrown it out again.
+    // Each round adds at least one view, unless the refinement drops it again.
     for _ in 0..problem.views() {
         let mut found: Vec<(usize, usize, Pose<f64>)> = Vec::new();
         for view in 0..problem.views() {

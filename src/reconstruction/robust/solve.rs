@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The map that explains most of the bearings, and which these are.
+//! The map that explains most of the bearings, and its inliers.
 
 use super::super::attempt::recoverable;
 use super::super::infinity::drop_landmarks_at_infinity;
@@ -23,11 +23,11 @@ use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Largest standard deviation with which outliers can be identified \[rad\]: three of them to both sides are a
-/// third of the circle, so every third random bearing would be an inlier. No option: a bound of the method.
+/// Largest standard deviation \[rad\] with which outliers can be identified: three sigma to both sides cover a
+/// third of the circle, so every third random bearing would be an inlier. Not an option: a bound of the method.
 const COARSEST: f64 = 0.35;
 
-/// The map that explains most of the bearings, and which these are.
+/// The map that explains most of the bearings, and its inliers.
 ///
 /// # Errors
 /// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
@@ -60,9 +60,9 @@ pub fn solve_robust(
     Ok(found)
 }
 
-/// The options of this stage for those of a solve.
+/// The options of this stage, given those of a solve.
 ///
-/// Outliers are told apart by this stage; what is left counts with its squares.
+/// This stage removes outliers itself, so the inliers are refined with squared loss.
 pub fn robust_options(options: &SolveOptions) -> RobustOptions {
     RobustOptions {
         refine: RefineOptions {
@@ -155,7 +155,7 @@ fn lowest(
     exchanged(problem, found, robust)
 }
 
-/// The best of some minima, once sightings have been exchanged in the lowest few.
+/// The best of some minima, after exchanging sightings in the lowest few.
 fn exchanged(
     problem: &Problem,
     found: Vec<(Consensus, [usize; 3])>,
@@ -186,14 +186,14 @@ fn confirms(
         .any(|(other, from)| *from != views && other.agrees(consensus, options.confirming_percent))
 }
 
-/// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
+/// Expected fraction of samples without an outlier, given the inliers of a map: all 15 bearings must be inliers.
 fn good_samples(best: &Consensus) -> f64 {
     let inliers = best.inliers.iter().filter(|inlier| **inlier).count();
     let share = inliers as f64 / best.inliers.len() as f64;
     (0..3 * SAMPLE).fold(1.0, |product, _| product * share)
 }
 
-/// The minimum that the plain hypotheses lead to, where problems are too small for samples.
+/// The minimum that non-robust hypotheses lead to, for problems too small for samples.
 fn from_plain_hypotheses(
     problem: &Problem,
     seed: u64,
@@ -233,7 +233,7 @@ fn branches<'a>(
     seed.motions.iter().take(1 + usize::from(rivals))
 }
 
-/// Lowers the best map as far as single changes go.
+/// Lowers the cost of the best map by single changes until none helps.
 fn improve(
     problem: &Problem,
     mut best: Consensus,
@@ -256,8 +256,8 @@ fn improve(
     }
 }
 
-/// The best map and its rivals after a plain search over the inliers: it finds the second motion of three views
-/// as well, and makes robust and plain solve agree on good bearings.
+/// The best map and its rivals after a non-robust search over the inliers, which also finds the mirror branch of
+/// three views, and makes robust and non-robust solves agree when there are no outliers.
 fn confirm_by_plain_search(
     problem: &Problem,
     best: Consensus,
@@ -271,7 +271,7 @@ fn confirm_by_plain_search(
     };
     let kept = problem.subset(&best.inliers);
     let mut all = Vec::new();
-    // What the plain search cannot solve may still have been found.
+    // If the non-robust search fails, the robust result stands.
     if let Ok(mut found) = recoverable(strategy::solve(&kept, &options, progress))? {
         let rivals = core::mem::take(&mut found.alternatives);
         for found in core::iter::once(found).chain(rivals) {
@@ -284,7 +284,7 @@ fn confirm_by_plain_search(
         }
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    // Where they are the same, the map of the plain search is the one.
+    // Of equals the map of the non-robust search comes first.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
     let mut distinct: Vec<Consensus> = Vec::new();
@@ -299,7 +299,7 @@ fn confirm_by_plain_search(
     Ok(distinct)
 }
 
-/// What is known of a map: made from its inliers, with the residuals of all.
+/// The result for a consensus map: estimated from its inliers, with the residuals of all sightings.
 pub fn reconstruction(problem: &Problem, best: &Consensus) -> Reconstruction {
     let kept = problem.subset(&best.inliers);
     let mut found = Reconstruction::new(&kept, &best.map, best.report.clone());

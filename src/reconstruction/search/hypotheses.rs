@@ -11,20 +11,20 @@ use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Fewest landmarks that three views must share to start a map, and with a fourth view to help. No options: with
-/// fewer the geometry has no finite number of solutions.
+/// Minimum number of landmarks that three views must share to start a map, alone and with the help of a fourth view.
+/// Not options: with fewer the geometry has infinitely many solutions.
 pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
 /// Options of the choice among hypotheses.
 #[derive(Clone, Copy, Debug)]
 struct HypothesisOptions {
-    /// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+    /// Maximum number of triples of views that are swept for four landmarks: each finds all minima of its own.
     max_sweeps: usize,
     /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
     /// minimum.
     cluster: f64,
-    /// Most clusters that are looked at.
+    /// Maximum number of clusters that are kept.
     max_distinct: usize,
 }
 
@@ -38,21 +38,21 @@ impl Default for HypothesisOptions {
     }
 }
 
-/// A first map.
+/// An initial map.
 pub struct Hypothesis {
     pub map: Map,
-    /// Number of the triple that it has been grown from.
+    /// Index of the triple that it was grown from.
     pub triple: usize,
 }
 
-/// First maps.
+/// Initial maps.
 pub struct Hypotheses {
     /// Best first.
     pub maps: Vec<Hypothesis>,
-    /// Whether the problem has one solution in general: more than three views, more than four
+    /// Whether the problem has a unique solution in general: more than three views, more than four
     /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
     pub unique: bool,
-    /// Whether they come from four landmarks, where every minimum counts.
+    /// Whether they come from four shared landmarks, so that every minimum must be refined.
     pub four: bool,
     /// Triples of views, the best conditioned first, for a wider search.
     triples: Vec<[usize; 3]>,
@@ -147,7 +147,7 @@ pub fn search(
 }
 
 impl Hypotheses {
-    /// More maps: from tensors that noise may have turned into those that were estimated.
+    /// More maps, from tensors that noise may have turned into the estimated ones.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when `progress` says so.
@@ -167,7 +167,7 @@ impl Hypotheses {
     }
 }
 
-/// Maps along the circles of some triples.
+/// Maps along the tensor circles of some triples.
 fn sweep(
     problem: &Problem,
     triples: &[[usize; 3]],
@@ -191,7 +191,7 @@ fn ranked(mut scored: ScoredHypotheses) -> Vec<Hypothesis> {
     scored.into_iter().map(|(_, found)| found).collect()
 }
 
-/// What to say when no three views share enough landmarks.
+/// The error when no three views share enough landmarks.
 fn too_few_shared(problem: &Problem) -> Error {
     too_few(
         problem,
@@ -203,7 +203,7 @@ fn too_few_shared(problem: &Problem) -> Error {
     )
 }
 
-/// The error of a method that needs so many shared landmarks.
+/// The error of a method that needs this many shared landmarks.
 pub fn too_few(problem: &Problem, needed: usize) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
@@ -212,7 +212,7 @@ pub fn too_few(problem: &Problem, needed: usize) -> Error {
     }
 }
 
-/// The best of each cluster of maps, up to so many.
+/// The best of each cluster of maps, up to a maximum number of clusters.
 fn distinct(scored: ScoredHypotheses) -> Vec<Hypothesis> {
     let options = HypothesisOptions::default();
     let mut kept: Vec<(Hypothesis, Map)> = Vec::new();

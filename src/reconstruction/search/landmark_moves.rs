@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Other places for single landmarks of a minimum.
+//! Alternative positions of single landmarks of a minimum.
 //!
-//! The cost of one landmark, the views held fixed, may have several minima: on a view, at infinity,
-//! and in between. Two minima of the whole often differ in such a place and little else, and no
+//! With the views held fixed, the cost of one landmark may have several minima: at a view, at infinity,
+//! and in between. Two minima of the whole often differ in one such position and little else, and no
 //! hypothesis that is linear in the landmarks distinguishes them.
 
 use crate::kernels::triangulate;
@@ -10,15 +10,15 @@ use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
-/// Options of other places for landmarks. Lengths are in sizes of the map: root-mean-square distance of the views.
+/// Options of the alternatives. Lengths are in sizes of the map: root-mean-square distance of the views.
 #[derive(Clone, Copy, Debug)]
 struct MoveOptions {
-    /// A place is worth a refinement when the cost there, with the views where they are, is higher by at most so many
+    /// A place is worth a refinement when the cost there, with the views held fixed, is higher by at most this many
     /// times the variance of the residuals.
     worth: f64,
-    /// How far off a view a landmark begins, and how far it must be from where it was.
+    /// Distance from a view at which a landmark starts, and minimum distance of a start from the present position.
     off: f64,
-    /// How far out a landmark begins that may be at infinity.
+    /// Distance at which a landmark that may be at infinity starts.
     away: f64,
 }
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
+//! Refinement of hypotheses to minima: which are refined, for how long, and when the search ends.
 //!
 //! A hypothesis in the basin of a good minimum converges in a few iterations; what has not converged by then is in
-//! the basin of a bad one or hardly determined. So all candidates get a few iterations, and the best of those that
-//! have not converged go on. The search ends when a minimum is as low as the noise predicts, or two triples of views
-//! have led to it.
+//! the basin of a bad one or poorly determined. So all candidates get a few iterations, and the best of those that
+//! have not converged get more. The search ends when a minimum is as low as the noise predicts, or two triples of
+//! views have led to it.
 
 use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same, variance};
@@ -18,23 +18,23 @@ use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Options of the way from hypotheses to minima.
+/// Options of the refinement of hypotheses.
 #[derive(Clone, Copy, Debug)]
 struct MinimaOptions {
-    /// Iterations that every candidate gets: in the basin of a good minimum it gets there in fewer.
+    /// Iterations that every candidate gets first: from the basin of a good minimum fewer are enough.
     first_iterations: usize,
-    /// Most unfinished candidates that go on.
+    /// Maximum number of unfinished candidates that get more iterations.
     max_finished: usize,
-    /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+    /// An unfinished candidate is given up when its cost is more than this many times that of a minimum.
     hopeless_ratio: f64,
-    /// Fewest degrees of freedom with which the cost alone identifies the right minimum when the first iterations
-    /// did not reach it: more of these are wrong.
+    /// Minimum degrees of freedom with which the cost alone identifies the right minimum when the first iterations did
+    /// not reach it: such minima are wrong more often.
     sure_freedom: usize,
-    /// Other places of landmarks that are tried in a round.
+    /// Alternative positions of landmarks that are tried in a round.
     moves: usize,
-    /// Rounds of such tries, each of which must have lowered the cost.
+    /// Maximum number of such rounds; one that does not lower the cost is the last.
     move_rounds: usize,
-    /// Iterations that each of them gets: what is not better by then is slow because it is worse.
+    /// Iterations that each of them gets: one that is no better by then converges slowly because it is worse.
     moved_iterations: usize,
 }
 
@@ -52,16 +52,16 @@ impl Default for MinimaOptions {
     }
 }
 
-/// Minima found so far, and starts that are not there yet.
+/// Minima found so far, and candidates that have not converged.
 pub struct Minima<'a, 'p> {
     problem: &'a Problem,
     options: &'a RefineOptions,
     stage: MinimaOptions,
     pub progress: &'a mut Option<Progress<'p>>,
-    /// With the number of the triple that each comes from.
+    /// With the index of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
     unfinished: Vec<(Reconstruction, usize)>,
-    /// Why the last failed refinement failed.
+    /// The error of the last refinement that failed.
     failure: Option<Error>,
 }
 
@@ -120,8 +120,8 @@ impl<'a, 'p> Minima<'a, 'p> {
             && others.any(|(other, from)| *from != triple && same(&other.map, &found.map))
     }
 
-    /// Lets the best of the unfinished go on to their minima, until one is beyond doubt; returns whether
-    /// one is. With `all` every one goes on that may be as good as the best minimum.
+    /// Refines the best unfinished candidates to their minima, until one is beyond doubt; returns whether one
+    /// is. With `all`, refines every candidate that may be as good as the best minimum.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
@@ -135,7 +135,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         };
         let mut done = 0;
         for (found, triple) in unfinished {
-            // Of exact bearings there may be several exact maps.
+            // Exact bearings may have several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
                 other.termination != Termination::ZeroResidual
                     && found.cost > other.cost * self.stage.hopeless_ratio
@@ -170,7 +170,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             .any(|(found, _)| found.termination == Termination::ZeroResidual)
     }
 
-    /// Tries single landmarks of the best minimum in other places, as long as that makes it better.
+    /// Tries single landmarks of the best minimum in other places, as long as that lowers the cost.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
