@@ -180,7 +180,7 @@ fn wrong_input_names_argument_place_and_value() {
                 bearing: f64::INFINITY,
                 ..good
             },
-            "bearing: expected finite numbers, got one that is not at index 1",
+            "bearing: expected finite numbers, got NaN or infinity at index 1",
         ),
         (
             Sighting { sigma: 0.0, ..good },

@@ -405,7 +405,7 @@ fn wrong_odometry_and_priors_are_named() {
                 delta: pose(f64::NAN, 0.0, 0.0),
                 ..motion
             },
-            "odometry: delta: expected finite numbers, got one that is not at index 0",
+            "odometry: delta: expected finite numbers, got NaN or infinity at index 0",
         ),
     ] {
         let error = problem().with_odometry(&[bad]).unwrap_err();
