@@ -4,17 +4,17 @@
 
     python benches/nees.py [--scenes 1000] [--seed 0]
 
-Of every scene, one view and one landmark are drawn, and the squared errors of their estimates in units of their
-covariances, e^T C^-1 e, are averaged over the scenes. For covariances that are right, the sum is chi-square with 3
-(pose) or 2 (landmark) degrees of freedom a scene. The estimate is the minimum that the refinement reaches from the
-truth; the truth is brought into the frame of the estimate by the rule of the frame:
+One view and one landmark of every scene are drawn, and the squared errors of their estimates in units of their
+covariances, e^T C^-1 e, are averaged over the scenes. If the covariances are right, the sum is chi-square with 3
+(pose) or 2 (landmark) degrees of freedom per scene. The estimate is the minimum that the refinement reaches from the
+truth; the truth is transformed into the frame of the estimate by the rule of the frame:
 
 first_view    the first view at the origin, and the rms distance of the others from it 1
-free_network  laid over the estimate by all positions
+free_network  aligned with the estimate by all positions
 odometry      the first view at the origin
 
-Needs NumPy and SciPy. Prints one line a quantity, with the two-sided bands of the mean, and whether it is in them.
-Scenes in which what was drawn has no estimate (a landmark next to a view may slide into it) are counted out.
+Needs NumPy and SciPy. Prints one line per quantity, with the two-sided bands of the mean, and whether it is in them.
+Scenes in which the drawn view or landmark has no estimate (a landmark close to a view may slide onto it) are excluded.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ def at_home(truth: Map, estimate: Map) -> Map:
 
 
 def normalised(truth: Map, estimate: Map) -> Map:
-    """The same, with a root-mean-square distance of 1 of the other views from the first."""
+    """The same, scaled to a root-mean-square distance of 1 of the other views from the first."""
     home = at_home(truth, estimate)
     scale = 1 / np.sqrt((home.poses[1:, :2] ** 2).sum(axis=1).mean())
     return Map(home.poses * [scale, scale, 1], home.landmarks * scale)
 
 
 def laid_over(truth: Map, estimate: Map) -> Map:
-    """The truth laid over the estimate by all positions."""
+    """The truth aligned with the estimate by all positions."""
     similarity = register(truth, estimate)
     return Map(similarity.apply_poses(truth.poses), similarity.apply(truth.landmarks))
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Stack frames of the probe's functions on a bare-metal target: `python3 benches/stack.py [target]`.
 
-Builds `tests/probe` with the compiler's own table of frames (`-Z emit-stack-sizes`, switched on in the stable
-compiler by RUSTC_BOOTSTRAP) and prints the larger ones. The stack of a call is the sum of the frames down the chain.
+Builds `tests/probe` with the compiler's own table of frames (`-Z emit-stack-sizes`, enabled in the stable compiler
+by RUSTC_BOOTSTRAP) and prints the larger ones. The stack of a call is the sum of the frames along the call chain.
 """
 
 import os
@@ -16,7 +16,7 @@ SMALLEST = 64
 
 
 def run(*command: str, **environment: str) -> str:
-    """Return what a command prints."""
+    """Return the output of a command."""
     everything = os.environ | environment
     return subprocess.run(command, cwd=ROOT, env=everything, check=True, stdout=subprocess.PIPE, text=True).stdout
 
@@ -29,7 +29,7 @@ def table(path: str) -> bytes:
 
 
 def frames(data: bytes) -> dict[int, int]:
-    """Return frame by address: four bytes little-endian, then the size as a ULEB128 number."""
+    """Return frame size by address: four bytes little-endian, then the size as a ULEB128 number."""
     found = {}
     at = 0
     while at < len(data):
@@ -51,7 +51,7 @@ def main() -> None:
     """Build, read and print."""
     target = sys.argv[1] if len(sys.argv) > 1 else "thumbv7em-none-eabihf"
     folder = "target/probe-stack"
-    # The linker would drop the table with the sections that nothing refers to.
+    # Otherwise the linker would drop the table as an unreferenced section.
     flags = "-Z emit-stack-sizes -C link-arg=--no-gc-sections"
     build = ["cargo", "build", "--quiet", "--release", "--manifest-path", "tests/probe/Cargo.toml"]
     run(*build, "--target", target, "--target-dir", folder, RUSTC_BOOTSTRAP="1", RUSTFLAGS=flags)

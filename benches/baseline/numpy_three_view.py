@@ -8,11 +8,11 @@ signs by majority (T8), ranking, landmarks by (T10); see ``docs/theory.md``. Wha
   contiguous memory, in blocks that fit the cache;
 * complex numbers as pairs of real arrays where they are many (a conjugate, a real part or a real factor then costs
   nothing extra), as complex arrays where they are few;
-* results go to arrays at hand, which stay in the cache;
+* results go to preallocated arrays, which stay in the cache;
 * sine and cosine from one tangent of half the angle: six times as fast, where NumPy has a vectorised tangent;
 * the residuals of a landmark from the determinant of its three lines, see `settle`;
 * null vectors by elimination over all problems at once, see `by_elimination`: LAPACK, called once per problem by
-  NumPy, takes several times as long as all the rest. It is there to compare: `NULL_VECTORS`.
+  NumPy, takes several times as long as all the rest. It is available for comparison: `NULL_VECTORS`.
 
 Left out, in NumPy's favour: tests for bearings that are not finite, for landmarks that do not determine the motion,
 for views in one place and for parallel rays, all of which generic scenes never meet, and the flag for nearly collinear
@@ -40,7 +40,7 @@ BEARINGS = 40_000
 BLOCK = 2000
 GROUP = 5
 
-# Power iteration: steps before the first look, squared movement of a vector that stands still, most rounds after it.
+# Power iteration: steps before the first test, squared movement of a converged vector, maximum number of rounds.
 LEAD = 4
 STANDS_STILL = 1e-20
 ROUNDS = 12
@@ -59,7 +59,7 @@ def three_view_batch(
     Parameters
     ----------
     bearings : (k, 3, n) ndarray
-        Of `k` problems with `n` landmarks [rad].
+        Bearings of `k` problems with `n` landmarks [rad].
     reweights : int
         Rounds of Sampson weights.
     null_vector : callable
@@ -97,12 +97,12 @@ def three_view_batch(
 
 
 def solve_block(bearings: Array, reweights: int, null_vector: NullVector, group: int, found: Solutions) -> None:
-    """Solve some problems, into slices of the results."""
+    """Solve some problems and write into slices of the results."""
     landmarks = bearings.shape[2]
     cos, sin = unit(np.array(bearings.transpose(1, 2, 0), order="C"))
     turns, rows = products(cos, sin)
     tensor = null_vector(rows)
-    # Five landmarks are explained exactly, however they are weighted.
+    # Five landmarks are explained exactly whatever their weights.
     for _ in range(reweights if landmarks > MIN_LANDMARKS else 0):
         tensor = null_vector(rows * weights(tensor, rows))
     *motion, flat = motions(tensor)
@@ -343,7 +343,7 @@ def settle(
     turned = behind > landmarks - behind
     sign = 1.0 - 2.0 * turned
     wrong = np.where(turned, landmarks - behind, behind)
-    # Those that are wrong miss by pi less their angle.
+    # The residual of a sighting that points away is pi minus its angle.
     wrong_angles = (total - signed * sign) * 0.5
     cost = (squares + (np.pi * (np.pi * wrong - 2.0 * wrong_angles)).sum(axis=0)) * 0.5
     scale = sign[0] / np.sqrt(np.square(positions[0, 0]) + np.square(positions[1, 0]))
@@ -406,7 +406,7 @@ def by_gram(rows: Array) -> Array:
         np.einsum("ak,ajk->jk", lower[: k + 1, k + 1], inverse[: k + 1, : k + 1], out=row[: k + 1])
         np.negative(row[: k + 1], out=row[: k + 1])
         row[k + 1] = 1.0
-    # Without noise the last pivot is rounding: any small one serves.
+    # Without noise the last pivot is only rounding: any small number will do.
     pivots = np.maximum(np.abs(gram.diagonal().T), 1e-300)
     # Inverse of the matrix, of unit trace.
     scaled = inverse / pivots[:, None]

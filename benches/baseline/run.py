@@ -8,10 +8,10 @@ Needs this package installed; takes some two minutes. Scenes: three views and n 
 uniform, Gaussian noise on every bearing. All programs run one after the other, in several rounds, so that a slow minute
 of the machine hits all of them; both make fresh arrays for their results in every run.
 
-Prints two tables. The first says how far the results are from those of the core, over the scenes that the core does not
-flag as nearly collinear (there the motion has an error of the root of the rounding). Where both motions fit equally
-well, as always with five landmarks of which equally many are inconsistent, their order is rounding, and either is taken
-as right.
+Prints two tables. The first shows how far the results are from those of the core, over the scenes that the core does
+not flag as nearly collinear (where the error of the motion is the square root of the rounding error). Where both
+motions fit equally well, as always with five landmarks and equal numbers of inconsistent ones, their order depends on
+rounding, and either is accepted.
 
 poses        difference [baselines, rad]: median, 99.9 % quantile, largest
 landmarks    the same, relative to one baseline plus the distance of the landmark
@@ -19,9 +19,9 @@ beyond       scenes with a pose that differs by more than 1e-9
 wrong        scenes with another number of inconsistent sightings, or another number of solutions
 tied         scenes with two equal solutions
 
-The second gives the medians of the times per problem [us], and the ratio of each to the core's. The columns of NumPy
-differ in how they find null vectors (``NULL_VECTORS`` of ``numpy_three_view.py``): "elimination" is the fastest, "svd"
-what one would write first. All but that step is the same, and already as fast as we could make it.
+The second gives the median time per problem [us], and its ratio to that of the core. The columns of NumPy differ in how
+they find null vectors (``NULL_VECTORS`` of ``numpy_three_view.py``): "elimination" is the fastest, "svd" is what one
+would write first. Everything else is the same, and already as fast as we could make it.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def by_core(bearings: NDArray[np.float64], reweights: int) -> tuple[Solutions, N
 
 
 def differences(found: Solutions, expected: Solutions) -> tuple[NDArray[np.float64], ...]:
-    """Per problem: largest difference of poses, of landmarks, and whether the rest differs."""
+    """For each problem: largest difference of poses, of landmarks, and whether anything else differs."""
     poses = np.abs(found[0] - expected[0])
     poses[..., 2] = np.abs(np.mod(poses[..., 2] + np.pi, 2.0 * np.pi) - np.pi)
     points = np.linalg.norm(found[1] - expected[1], axis=-1) / (1.0 + np.linalg.norm(expected[1], axis=-1))
@@ -105,7 +105,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Compare the core with NumPy on batches of three views.")
     parser.add_argument("--problems", type=int, default=20_000)
     parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--noise", type=float, default=0.3, help="of a bearing [degrees]")
+    parser.add_argument("--noise", type=float, default=0.3, help="standard deviation of a bearing [degrees]")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
 

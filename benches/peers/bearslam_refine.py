@@ -4,8 +4,8 @@
 
     python benches/peers/bearslam_refine.py FILE [--repeat N]
 
-Times the whole call from Python, checks and packing of the answer included, with default options.
-Prints one line a scene: m n median_us least_us iterations cost, with the cost as the sum of squared
+Times the whole call from Python, including checks and packing of the answer, with default options.
+Prints one line per scene: m n median_us least_us iterations cost, with the cost as the sum of squared
 residuals [rad^2] and the times over N repetitions.
 """
 

@@ -4,16 +4,16 @@
 
     python benches/peers/gtsam_odometry.py [--views 100 1000] [--repeat 5] [--start odometry|perturbed]
 
-A simulated trajectory, half as many landmarks as views, less those that hardly a view sees, of which a view sees about
-ten; bearings of 0.5 degrees, motions of 1 cm and 0.3 degrees. "odometry" starts at the dead-reckoned poses, with the
-landmarks triangulated from them (those that cannot be, 1 m along the first bearing); "perturbed" 5 cm and 1 degree from
-the truth.
+A simulated trajectory with half as many landmarks as views, without those seen by fewer than three views; a view sees
+about ten of them. Standard deviations are 0.5 degrees for bearings, 1 cm and 0.3 degrees for motions. "odometry" starts
+at the dead-reckoned poses, with the landmarks triangulated from them (those that cannot be, 1 m along the first
+bearing); "perturbed" starts 5 cm and 1 degree from the truth.
 
-GTSAM has one ``BearingFactor2D`` a sighting, one ``BetweenFactorPose2`` a motion and a ``PriorFactorPose2`` that holds
-the first pose; Levenberg-Marquardt with its default elimination. Only ``optimize()`` is timed, which is C++ throughout;
-for bearslam the whole call from Python. Both run on one core, one after the other in each repetition. Costs are half
-the sum of squares over standard deviations. GTSAM's is by its own residual of a motion, the logarithm (as its wheels
-are built), and that of bearslam's map is printed by it as well, so that like is beside like.
+GTSAM has one ``BearingFactor2D`` per sighting, one ``BetweenFactorPose2`` per motion and a ``PriorFactorPose2`` that
+holds the first pose; Levenberg-Marquardt with its default elimination. Only ``optimize()`` is timed, which is C++
+throughout; for bearslam the whole call from Python. Both run on one core, one after the other in each repetition. Costs
+are half the sum of squares over standard deviations. GTSAM's cost uses its own residual of a motion, the logarithm (the
+default of its wheels); the cost of bearslam's map is also printed with that residual, so that the two are comparable.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def graph_of(scene: bearslam.Scene, odometry: bearslam.Odometry, first: Array) -
 
 
 def values_of(poses: Array, landmarks: Array) -> Any:
-    """Everything as GTSAM wants it."""
+    """Poses and landmarks as GTSAM values."""
     values = gtsam.Values()
     for k, row in enumerate(poses):
         values.insert(pose(k), gtsam.Pose2(*row))
@@ -112,7 +112,7 @@ def values_of(poses: Array, landmarks: Array) -> Any:
 
 
 def timed(run: Callable[[], Any]) -> tuple[float, Any]:
-    """Milliseconds, and what came of it."""
+    """Milliseconds, and the result."""
     before = time.perf_counter()
     found = run()
     return 1e3 * (time.perf_counter() - before), found
@@ -129,7 +129,7 @@ def compare(views: int, repeat: int, start: str, seed: int) -> str:
     parameters.setMaxIterations(100)
     parameters.setRelativeErrorTol(1e-9)
     parameters.setAbsoluteErrorTol(1e-12)
-    parameters.setlambdaUpperBound(1e12)  # with the default it gives up at once where the start is far
+    parameters.setlambdaUpperBound(1e12)  # with the default it gives up at once when the start is far off
     ours, theirs, ratios = [], [], []
     for _ in range(repeat):
         one, result = timed(
@@ -156,7 +156,7 @@ def compare(views: int, repeat: int, start: str, seed: int) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="Bearings with odometry: bearslam beside GTSAM.")
+    parser = argparse.ArgumentParser(description="Bearings with odometry: bearslam compared with GTSAM.")
     parser.add_argument("--views", type=int, nargs="+", default=[100, 1000])
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--start", choices=("odometry", "perturbed"), default="odometry")

@@ -4,10 +4,10 @@
 
     python benches/peers/gtsam_refine.py FILE [--repeat N] [--solver NAME]
 
-One ``BearingFactor2D`` a sighting and Levenberg-Marquardt; landmarks are eliminated first. A loose
-prior holds the first pose where it starts, which costs nothing and so does not move the optimum; the
+One ``BearingFactor2D`` per sighting and Levenberg-Marquardt; landmarks are eliminated first. A loose
+prior holds the first pose at its start; its cost is zero, so it does not move the optimum. The
 scale is left to the damping. Only ``optimize()`` is timed, which is C++ throughout: graph, values,
-ordering and optimizer exist before. Prints one line a scene: m n median_us least_us iterations cost,
+ordering and optimizer exist before. Prints one line per scene: m n median_us least_us iterations cost,
 with the cost as the sum of squared residuals [rad^2] and the times over N repetitions.
 """
 

@@ -4,10 +4,10 @@
 
     python benches/peers/run.py [--rounds 3] [--repeat 15] [--variants] [--also NAME=COMMAND]
 
-Needs NumPy. A refiner that is not installed is skipped, and said to be: GTSAM comes by
-``pip install gtsam`` (into another interpreter, if you like: ``--gtsam-python``), Ceres by
-``apt-get install libceres-dev cmake g++``, bearslam by installing this package. ``--also`` adds a
-command that takes the file of scenes as its last argument and prints the same lines, one a scene:
+Needs NumPy. A refiner that is not installed is skipped with a message. Install GTSAM with
+``pip install gtsam`` (possibly into another interpreter: ``--gtsam-python``), Ceres with
+``apt-get install libceres-dev cmake g++``, and bearslam by installing this package. ``--also`` adds a
+command that takes the file of scenes as its last argument and prints the same lines, one per scene:
 m n median_us least_us iterations cost.
 
 All run on one core, one after the other, in several rounds, so that a slow minute of the machine hits
@@ -17,7 +17,7 @@ time        median of the scenes' median times [us]
 quiet       median of the scenes' least times [us]: closer to the arithmetic, on a busy machine
 iterations  median
 cost        median sum of squared residuals [rad^2]
-arrived     scenes whose cost is within 1e-5 of the least that any refiner reached from this start
+arrived     scenes whose cost is within 1e-5 of the lowest that any refiner reached from this start
 ratio       time as a multiple of the first refiner's
 """
 
@@ -48,7 +48,7 @@ class Refiner:
     sizes: list[tuple[int, int]] = field(default_factory=list)
 
     def run(self) -> bool:
-        """Run once over all scenes; false, with the reason on standard error, if that is impossible."""
+        """Run once over all scenes; False, with the reason on standard error, if that is impossible."""
         try:
             done = subprocess.run([*self.command, str(SCENES)], capture_output=True, text=True)
         except FileNotFoundError as error:
@@ -89,7 +89,7 @@ def build_ceres() -> list[str] | None:
 
 
 def table(refiners: list[Refiner]) -> str:
-    """One line for every size and refiner."""
+    """Print one line for every size and refiner."""
     form = "{:>8}  {:<22} {:>9} {:>9} {:>10} {:>12} {:>9} {:>7}"
     lines = [form.format("size", "refiner", "time", "quiet", "iterations", "cost", "arrived", "ratio")]
     sizes = refiners[0].sizes
@@ -123,8 +123,8 @@ def main() -> None:
     """Build, run and print."""
     parser = argparse.ArgumentParser(description="Compare refiners from the same starts.")
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--repeat", type=int, default=15, help="timed runs of a scene in a round")
-    parser.add_argument("--variants", action="store_true", help="other solvers of the peers, too")
+    parser.add_argument("--repeat", type=int, default=15, help="number of timed runs of each scene in a round")
+    parser.add_argument("--variants", action="store_true", help="also run other solvers of the peers")
     parser.add_argument("--gtsam-python", default=sys.executable, help="interpreter that has gtsam")
     parser.add_argument("--also", action="append", default=[], metavar="NAME=COMMAND")
     args = parser.parse_args()

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Scenes and starts that every refiner of this comparison reads: writer, and reader for Python.
+"""Scenes and starts for every refiner of this comparison: the writer, and a reader for Python.
 
     python benches/peers/scenes.py [FILE]          # default: target/peers/scenes.txt
 
 Plain text: numbers separated by blanks, one block after the other, radians and metres. One block:
 
     scene m n           the word, then the number of views and of landmarks
-    b b ... b           m lines of n bearings, one view a line, all seen
+    b b ... b           m lines of n bearings, one line per view, all seen
     x y theta           m lines: start poses
     x y                 n lines: start landmarks
     x y theta           m lines: true poses
@@ -15,8 +15,8 @@ Plain text: numbers separated by blanks, one block after the other, radians and 
 
 Robots and landmarks are mixed in a room of 7 m x 5 m, no two closer than 0.4 m; 1 degree of noise on
 the bearings; the start is the truth with Gaussian noise of 0.1 m and 5 degrees. Fifty scenes each of
-4 x 7, 8 x 11 and 12 x 15, seeded. Starts that do not lead to the optimum of the truth are kept:
-run.py counts who arrives.
+4 x 7, 8 x 11 and 12 x 15, seeded. Starts that do not lead to the optimum near the truth are kept:
+run.py counts how often each refiner reaches the best one.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def points(rng: np.random.Generator, count: int) -> Array:
 
 
 def rows(values: Iterable[Array]) -> list[str]:
-    """One line a row, every digit."""
+    """One line per row, with all digits."""
     return [" ".join(repr(float(x)) for x in row) for row in values]
 
 
@@ -111,7 +111,7 @@ def read_scenes(path: Path) -> list[Scene]:
 
 
 def measure(prepare: Callable[[], Callable[[], Any]], repeat: int) -> tuple[float, float, Any]:
-    """Median and least time [us] of what `prepare` returns, and its last result; one run to warm up."""
+    """Median and least time [us] of what `prepare` returns, and its last result, after one warm-up run."""
     microseconds = []
     for _ in range(repeat + 1):
         call = prepare()
@@ -125,7 +125,7 @@ def main() -> None:
     """Write the file of scenes."""
     parser = argparse.ArgumentParser(description="Write the scenes that all refiners start from.")
     parser.add_argument("file", nargs="?", type=Path, default=DEFAULT)
-    parser.add_argument("--count", type=int, default=50, help="scenes of each size")
+    parser.add_argument("--count", type=int, default=50, help="number of scenes of each size")
     args = parser.parse_args()
     args.file.parent.mkdir(parents=True, exist_ok=True)
     blocks = [block(np.random.default_rng([2002, m, n, k]), m, n) for m, n in SIZES for k in range(args.count)]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A map of bearslam's in GTSAM: costs from the same data and start, and times.
+"""A map of bearslam in GTSAM: costs from the same data and start, and times.
 
 With `z^-1 (p^-1 q)` for the error of a motion, bearslam's residual is its x, y and theta. The wheels of GTSAM take its
-logarithm instead, which agrees to first order in theta. So costs are compared with factors of bearslam's residual, in
-Python and slow, and times with GTSAM's own.
+logarithm instead, which agrees to first order in theta. So costs are compared with factors that use bearslam's
+residual, which are in Python and slow, and times with GTSAM's own factors.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def minimum(graph: Any, start: Any) -> tuple[Any, float, int]:
 
 
 def compare(result: bearslam.Reconstruction, cost: float) -> None:
-    """Prints GTSAM's costs at a map, whose cost over the same factors is given, and at the minimum next to it."""
+    """Prints GTSAM's costs at a map, whose cost in bearslam is given, and at the minimum near it."""
     graph, values = result.to_gtsam()
     found, seconds, iterations = minimum(graph, values)
     print(

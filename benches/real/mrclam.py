@@ -4,12 +4,13 @@
 
     python benches/real/mrclam.py FOLDER [--windows 3] [--length 300] [--every 0] [--output DIR] [--gtsam]
 
-Every window is solved by squares, with Huber's loss, and with robust=True, from the folder as it is: wrong identities
-and gross outliers are in it, and nobody says which. Robots do not see each other here, and no frame joins them but the
-landmarks. Errors are root mean squares over the landmarks after the similarity that fits them best, as shares of the
-root-mean-square distance of the surveyed ones from their mean; "predicted" is what the covariance predicts (frame
-"free_network"). Bearings are checked against motion capture: "wrong" ones miss it by more than 5 degrees. With --output
-the robust maps are drawn over the truth by `bearslam solve`, with --gtsam GTSAM goes on from the squares' map.
+Every window is solved with squared loss, with Huber's loss, and with robust=True, from the raw folder, which contains
+wrong correspondences and gross errors that are not marked. Robots do not see each other here, so that only the
+landmarks connect them. Errors are root mean squares over the landmarks after the similarity that aligns them best,
+relative to the root-mean-square distance of the surveyed ones from their mean; "predicted" is what the covariance
+predicts (frame "free_network"). Bearings are checked against motion capture: "wrong" ones differ by more than 5
+degrees. With --output the robust maps are drawn over the truth by `bearslam solve`; with --gtsam GTSAM continues from
+the map of squared loss.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ from bearslam.data.maps import Map
 
 Array = NDArray[np.float64]
 GROSS = np.radians(5)
-"""Bearings that miss the truth by more are wrong [rad]."""
+"""Bearings that differ from the truth by more than this are wrong [rad]."""
 KINDS: dict[str, dict[str, object]] = {"squares": {}, "huber": {"loss": "huber"}, "robust": {"robust": True}}
 
 
 def share(landmarks: Array, truth: Array) -> float:
-    """Root-mean-square error after the best similarity, over the radius of the truth."""
+    """Root-mean-square error after the best similarity, relative to the radius of the truth."""
     known = np.isfinite(landmarks).all(axis=1)
     source, target = landmarks[known], truth[known]
     away = bearslam.align(source, target).apply(source) - target
@@ -45,14 +46,14 @@ def share(landmarks: Array, truth: Array) -> float:
 
 
 def predicted(again: bearslam.Reconstruction) -> float:
-    """What the covariance predicts of that."""
+    """The same error as predicted by the covariance."""
     assert again.landmark_covariance is not None
     radius = ((again.landmarks - again.landmarks.mean(axis=0)) ** 2).sum(axis=1).mean()
     return float(np.sqrt(np.trace(again.landmark_covariance, axis1=1, axis2=2).mean() / radius))
 
 
 def misses(problem: bearslam.Problem, truth: Map) -> Array:
-    """Measured less true bearings."""
+    """Measured minus true bearings."""
     seen = problem.sightings
     poses, points = truth.poses[seen.view], truth.landmarks[seen.landmark]
     x, y = (points - poses[:, :2]).T
@@ -78,7 +79,7 @@ def look(folder: Path, start: float, end: float, options: argparse.Namespace) ->
         )
         if name == "robust":
             flagged = ~result.inliers
-            # Without the outliers squares are right.
+            # Without the outliers squared loss is right.
             seen, keep = problem.sightings, result.inliers
             sound = bearslam.Sightings(seen.view[keep], seen.landmark[keep], seen.bearing[keep], seen.sigma[keep])
             sound = bearslam.Problem(sound, problem.view_ids, problem.landmark_ids, odometry=problem.odometry)
@@ -104,11 +105,11 @@ def main() -> None:
     """Runs the command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument("--windows", type=int, default=3, help="how many (default: %(default)s)")
-    parser.add_argument("--length", type=float, default=300.0, help="of a window [s] (default: %(default)s)")
-    parser.add_argument("--every", type=float, default=0.0, help="least time between views of a robot [s]")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="draw the maps into this folder")
-    parser.add_argument("--gtsam", action="store_true", help="GTSAM as well")
+    parser.add_argument("--windows", type=int, default=3, help="number of windows (default: %(default)s)")
+    parser.add_argument("--length", type=float, default=300.0, help="length of a window [s] (default: %(default)s)")
+    parser.add_argument("--every", type=float, default=0.0, help="minimum time between views of a robot [s]")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder to draw the maps into")
+    parser.add_argument("--gtsam", action="store_true", help="also run GTSAM")
     options = parser.parse_args()
     for k in range(options.windows):
         look(options.folder, k * options.length, (k + 1) * options.length, options)

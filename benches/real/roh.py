@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Roh's four beacons on a square: degenerate from bearings alone, localised where the beacons are known.
+"""Roh's four beacons on a square: degenerate from bearings alone, determined if the beacons are known.
 
     python benches/real/roh.py FOLDER [--output roh.svg]
 
 FOLDER holds landmark.csv and nine files (Xx,Yy).csv of 200 rows of four bearings in degrees. The mean bearings of the
-nine positions become one problem, by way of a CSV file, which `bearslam diagnose` reads. Then every row is resected
-against the known beacons, and the means once more, with the heading that comes of it beside the 90 degrees that the
-robot was set up with.
+nine positions become one problem in a CSV file, which `bearslam diagnose` reads. Then every row is resected from the
+known beacons, and so are the means; their headings are compared with the 90 degrees at which the robot was set up.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ Array = NDArray[np.float64]
 NAME = re.compile(r"\(X(?P<x>[\d.]+),Y(?P<y>[\d.]+)\)\.csv")
 HEADING = np.pi / 2
 SIGMA_DEG = 2.2
-"""Standard deviation of a mean bearing against the truth, robustly [deg]: systematic, so the mean does not help."""
+"""Robust standard deviation of a mean bearing from the truth [deg]: systematic, so averaging does not reduce it."""
 
 
 def read(folder: Path) -> tuple[Array, Array, Array]:
@@ -49,7 +48,7 @@ def circular_mean(bearings: Array) -> Array:
 
 
 def diagnosis(means: Array) -> str:
-    """What the command line says of the nine positions."""
+    """What `bearslam diagnose` reports on the nine positions."""
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()) as said:
         path = str(Path(folder, "roh.csv"))
         bearslam.save(means, path)
@@ -63,7 +62,7 @@ def quantiles(errors: Array) -> str:
 
 
 def draw(beacons: Array, truth: Array, result: bearslam.Reconstruction, path: str) -> None:
-    """The nine positions with their ellipses, over the truth."""
+    """Draws the nine positions with their ellipses over the truth."""
     from bearslam.plotting.map import draw_to_file
 
     draw_to_file(result, path, truth=(truth, beacons))
@@ -73,7 +72,7 @@ def main() -> None:
     """Runs the command."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
-    parser.add_argument("--output", metavar="OUT", help="draw the positions: .svg, .png or .pdf")
+    parser.add_argument("--output", metavar="OUT", help="file to draw the positions into: .svg, .png or .pdf")
     options = parser.parse_args()
     beacons, positions, bearings = read(options.folder)
     means = circular_mean(bearings)

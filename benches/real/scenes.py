@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Real scenes from bearings alone: does `solve` come as low as the refinement that starts at the truth?
+"""Real scenes from bearings alone: is the cost of `solve` as low as that of the refinement started at the truth?
 
     python benches/real/scenes.py FILE.npz... --sigma-deg 0.14 [--all]
 
@@ -9,11 +9,11 @@ NAME_true_landmarks and NAME_crlb (the landmark error predicted at the truth) of
 written to a CSV file, read back, and solved from its bearings. The oracle is `refine`, started at the truth. "Same" is
 a cost within 1e-5 of the oracle's, "lower" a better map than the one next to the truth, "higher" a failure; a star
 stands for another number of undetermined landmarks. Errors are root mean squares over the landmarks after the
-similarity that fits the landmarks best, as shares of the root-mean-square distance of the true ones from their mean.
+similarity that aligns them best, relative to the root-mean-square distance of the true ones from their mean.
 
 A scene is called ill-conditioned where the covariance of the map found (frame "free_network") predicts an error of the
-landmarks above 10 %, and ambiguous where the map has alternatives: by nothing that a user would not know. Prints a line
-for every scene that is not "same" (for all with --all), and the sums.
+landmarks above 10 %, and ambiguous where the map has alternatives: both are known to a user without the truth. Prints a
+line for every scene that is not "same" (for all with --all), and the totals.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ import bearslam
 
 Array = NDArray[np.float64]
 SAME = (1e-5, 1e-12)
-"""Relative and absolute difference of costs up to which they are the same, as in a sweep."""
+"""Relative and absolute difference up to which costs are the same, as in a sweep."""
 DOUBTFUL = 0.1
-"""Predicted error from which on a scene is called ill-conditioned."""
+"""Predicted error above which a scene is called ill-conditioned."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a scene."""
+    """The outcome of a scene."""
 
     name: str
     size: str
@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def doubtful(self) -> bool:
-        """Whether bearslam says that the bearings hardly determine the map."""
+        """Whether bearslam reports that the bearings hardly determine the map."""
         return not self.foreseen <= DOUBTFUL
 
     def __str__(self) -> str:
@@ -72,7 +72,7 @@ class Outcome:
 
 
 def landmark_error(landmarks: Array, truth: Array) -> float:
-    """Root-mean-square error after the best similarity, over the radius of the truth."""
+    """Root-mean-square error after the best similarity, relative to the radius of the truth."""
     known = np.isfinite(landmarks).all(axis=1) & np.isfinite(truth).all(axis=1)
     if known.sum() < 2:
         return np.inf
@@ -83,7 +83,7 @@ def landmark_error(landmarks: Array, truth: Array) -> float:
 
 
 def freedom(result: bearslam.Reconstruction) -> int:
-    """Residuals less unknowns."""
+    """Residuals minus unknowns."""
     residuals, views, landmarks = (
         int(np.isfinite(values).sum()) for values in (result.residuals, result.poses[:, 0], result.landmarks[:, 0])
     )
@@ -91,7 +91,7 @@ def freedom(result: bearslam.Reconstruction) -> int:
 
 
 def foreseen(problem: bearslam.Problem, result: bearslam.Reconstruction, sigma: float) -> float:
-    """The error of the landmarks that the covariance of a map predicts, over their radius."""
+    """The error of the landmarks that the covariance of a map predicts, relative to their radius."""
     try:
         again = bearslam.refine(problem, result, sigma=sigma, covariance="free_network")
     except bearslam.DegenerateError:
@@ -104,7 +104,7 @@ def foreseen(problem: bearslam.Problem, result: bearslam.Reconstruction, sigma: 
 
 
 def problem_of(scenes: dict[str, Array], name: str, folder: Path) -> bearslam.Problem:
-    """The scene by way of a file."""
+    """The scene, written to a file and read back."""
     path = folder / f"{name}.csv"
     seen = bearslam.Sightings(*(scenes[f"{name}_{part}"] for part in ("view_index", "landmark_index", "bearing")))
     bearslam.save(seen, path)
@@ -114,7 +114,7 @@ def problem_of(scenes: dict[str, Array], name: str, folder: Path) -> bearslam.Pr
 def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Outcome:
     """Solves one scene, and refines it from the truth."""
     problem = problem_of(scenes, name, folder)
-    # The file numbers views and landmarks by first use; its names are the numbers of the scene.
+    # The file numbers views and landmarks by first use; their names are the indices in the scene.
     views, landmarks = (np.array(ids, dtype=int) for ids in (problem.view_ids, problem.landmark_ids))
     poses, points = scenes[f"{name}_true_poses"][views], scenes[f"{name}_true_landmarks"][landmarks]
     oracle = bearslam.refine(problem, (poses, points), sigma=sigma)
@@ -132,7 +132,7 @@ def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Ou
             "same" if apart <= SAME[0] * oracle.cost + SAME[1] else "lower" if result.cost < oracle.cost else "higher"
         )
         if len(result.undetermined) != len(oracle.undetermined):
-            verdict += "*"  # costs of other numbers of sightings
+            verdict += "*"  # the costs are of different numbers of sightings
     return Outcome(
         name=name,
         size=f"{len(views)}x{len(landmarks)}",
@@ -152,7 +152,7 @@ def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Ou
 
 
 def summary(name: str, found: list[Outcome]) -> str:
-    """The sums of a file."""
+    """The totals of a file."""
     count = len(found)
 
     def number(verdict: str) -> int:
@@ -196,7 +196,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE.npz")
     parser.add_argument("--sigma-deg", type=float, required=True, help="standard deviation of a bearing")
-    parser.add_argument("--all", action="store_true", help="a line for every scene")
+    parser.add_argument("--all", action="store_true", help="print a line for every scene")
     options = parser.parse_args()
     for path in options.files:
         with np.load(path) as file:

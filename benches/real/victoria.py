@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Victoria Park as one problem: 6969 poses, odometry and raw bearings; no start, no range.
+"""Victoria Park as one problem: 6969 poses, odometry and raw bearings; no initial guess, no ranges.
 
     python benches/real/victoria.py FOLDER [--output DIR] [--sigma-deg 0.3] [--gtsam]
 
 FOLDER holds victoria_park.txt.gz and derived/. The odometry comes from the graph file, moved from the rear axle to the
 laser; the bearings are the raw detections in derived/victoria_derived_associations.txt.gz. Both are written to one g2o
 file, DIR/victoria.g2o, without a start, which `bearslam solve` reads. The standard deviations of a motion are those of
-its residuals at the batch optimum, since the numbers of the file do not match; the optimum serves for nothing else but
-the comparison. It was made with the ranges of the same laser, which are not used here: it is no truth.
+its residuals at the batch optimum, because the values in the file do not match them; apart from that the optimum is
+used only for comparison. It was made with the ranges of the same laser, which are not used here, and is not the truth.
 
-Prints the map's cost beside that of the refinement which starts at the optimum (the oracle), distances to the optimum,
-residuals, and with --gtsam what GTSAM makes of the same problem: from the dead-reckoned poses, and from the map.
+Prints the map's cost beside that of the refinement started at the optimum (the oracle), distances to the optimum,
+residuals, and with --gtsam the results of GTSAM from the dead-reckoned poses and from the map.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from bearslam.data.align import wrap
 
 Array = NDArray[np.float64]
 LASER = (3.78, 0.5)
-"""Where the laser is on the vehicle, from the rear axle [m]."""
+"""Position of the laser on the vehicle, from the rear axle [m]."""
 
 
 def chained(poses: Array, motions: Array) -> Array:
-    """Motions in the frames of poses, both (k, 3), as poses."""
+    """Composes poses with motions in their frames, both (k, 3)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x, y, turn = motions.T
     return np.column_stack([poses[:, 0] + c * x - s * y, poses[:, 1] + s * x + c * y, poses[:, 2] + turn])
 
 
 def between(start: Array, end: Array) -> Array:
-    """Poses (k, 3) in the frames of others."""
+    """Poses (k, 3) in the frames of other poses."""
     c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
     x, y = (end - start)[:, :2].T
     return np.column_stack([c * x + s * y, c * y - s * x, wrap(end[:, 2] - start[:, 2])])
@@ -81,7 +81,7 @@ def whole(folder: Path, sigma: float) -> tuple[bearslam.Problem, tuple[Array, Ar
 
 
 def reckoned(problem: bearslam.Problem) -> tuple[Array, Array]:
-    """Poses along the odometry from the first, and the landmarks that follow, or on their first bearing."""
+    """Dead-reckoned poses, and the landmarks triangulated from them or placed along their first bearing."""
     assert problem.odometry is not None
     motions = problem.odometry
     poses = np.full((len(problem.view_ids), 3), np.nan)
@@ -122,14 +122,14 @@ def describe(name: str, result: bearslam.Reconstruction, truth: tuple[Array, Arr
 
 
 def timed_solve(problem: bearslam.Problem) -> tuple[bearslam.Reconstruction, float]:
-    """`solve`, and its seconds."""
+    """The result of `solve`, and its time [s]."""
     before = time.perf_counter()
     result = bearslam.solve(problem)
     return result, time.perf_counter() - before
 
 
 def from_dead_reckoning(problem: bearslam.Problem, result: bearslam.Reconstruction) -> None:
-    """What GTSAM makes of it without bearslam's map."""
+    """The result of GTSAM without bearslam's map."""
     import gtsam
     from beside_gtsam import minimum
 
@@ -154,8 +154,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="FOLDER")
     parser.add_argument("--output", type=Path, default=Path("victoria"), metavar="DIR", help="(default: %(default)s)")
-    parser.add_argument("--sigma-deg", type=float, default=0.3, help="of a bearing (default: %(default)s)")
-    parser.add_argument("--gtsam", action="store_true", help="GTSAM as well")
+    parser.add_argument(
+        "--sigma-deg", type=float, default=0.3, help="standard deviation of a bearing (default: %(default)s)"
+    )
+    parser.add_argument("--gtsam", action="store_true", help="also run GTSAM")
     options = parser.parse_args()
     options.output.mkdir(exist_ok=True)
     problem, truth = whole(options.folder, np.radians(options.sigma_deg))
@@ -176,7 +178,7 @@ def main() -> None:
     if options.gtsam:
         from beside_gtsam import compare
 
-        # Landmarks without a range still hold headings; GTSAM has no place for them.
+        # Landmarks without a range still determine headings, but GTSAM cannot represent them.
         ranged = bearslam.refine(problem, result)
         compare(ranged, ranged.cost)
         from_dead_reckoning(problem, result)
