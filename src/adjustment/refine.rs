@@ -64,7 +64,7 @@ pub fn refine_map(
     let mut bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {
         return Err(Error::TooFew {
-            what: "views of the start that see three landmarks of it",
+            what: "views of the start that see at least three of its landmarks",
             needed: 1,
             got: 0,
         });

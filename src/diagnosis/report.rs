@@ -35,7 +35,7 @@ pub struct Diagnosis {
     /// Whether there are three views on one line, or so near it that noise hides the difference.
     pub near_collinear: bool,
     /// How many times larger the residuals of the next best map are, such as the mirror image of three views;
-    /// infinite when none was found, NaN when none was looked for.
+    /// infinite when none was found, NaN when none was sought.
     pub mirror_margin: f64,
     /// Directions that are free or weak, part by part, the weakest first.
     pub directions: Vec<NullDirection>,

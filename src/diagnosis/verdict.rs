@@ -275,4 +275,4 @@ impl SubProblem {
     }
 }
 
-const TOO_LARGE: &str = "the map has too many unknowns for all its singular values";
+const TOO_LARGE: &str = "the map has too many unknowns to compute its singular values";

@@ -65,7 +65,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
             .filter(|(pose, _)| pose.is_some());
         let Some((_, used)) = used.last() else {
             return Err(Error::TooFew {
-                what: "views of the start that see three landmarks of it",
+                what: "views of the start that see at least three of its landmarks",
                 needed: 1,
                 got: 0,
             });

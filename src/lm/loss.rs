@@ -13,11 +13,11 @@ pub enum Loss<T: Real = f64> {
     /// `s`: maximum likelihood under Gaussian noise.
     #[default]
     Squared,
-    /// `s` up to `c^2`, `2 c sqrt(s) - c^2` beyond: outliers pull with a constant force.
+    /// `s` up to `c^2`, `2 c sqrt(s) - c^2` beyond: the influence of outliers is bounded.
     Huber(T),
-    /// `c^2 ln(1 + s / c^2)`: the farther an outlier, the less it pulls.
+    /// `c^2 ln(1 + s / c^2)`: the influence of an outlier decreases with its residual.
     Cauchy(T),
-    /// `min(s, c^2)`: outliers do not pull at all.
+    /// `min(s, c^2)`: outliers have no influence.
     Truncated(T),
 }
 

@@ -194,7 +194,7 @@ impl<const N: usize> Serialize for Noise<N> {
 
 impl<'de, const N: usize> Deserialize<'de> for Noise<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let wrong = |rows: usize| D::Error::invalid_length(rows, &"as many numbers as are known");
+        let wrong = |rows: usize| D::Error::invalid_length(rows, &"one number for each component");
         match GivenNoise::deserialize(deserializer)? {
             GivenNoise::Sigmas(sigmas) => {
                 let sigmas: Vec<_> = sigmas

@@ -90,7 +90,7 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
     (sums.positions > 0.0 && sums.headings > 0.0).then_some(sums)
 }
 
-/// Adds rows to the normal matrix that hold translation, rotation and scale of all positions, views first, each with
+/// Adds rows to the normal matrix that fix translation, rotation and scale of all positions, views first, each with
 /// this stiffness.
 fn hold_similarity(matrix: &mut [f64], positions: &[Vector2<f64>], views: usize, stiffness: f64) {
     let size = views + 2 * positions.len();

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const ROOMS: [&str; 33] = [
+const LAYERS: [&str; 33] = [
     "scalar",
     "float",
     "error",
@@ -248,11 +248,11 @@ fn graph() -> BTreeMap<String, BTreeSet<String>> {
     graph
 }
 
-fn room(module: &str) -> usize {
-    let fits = |room: &&str| module == *room || module.starts_with(&format!("{room}/"));
-    let rooms = ROOMS.iter().enumerate().filter(|(_, room)| fits(room));
-    rooms
-        .max_by_key(|(_, room)| room.len())
+fn layer(module: &str) -> usize {
+    let fits = |layer: &&str| module == *layer || module.starts_with(&format!("{layer}/"));
+    let layers = LAYERS.iter().enumerate().filter(|(_, layer)| fits(layer));
+    layers
+        .max_by_key(|(_, layer)| layer.len())
         .unwrap_or_else(|| panic!("{module} is in no layer"))
         .0
 }
@@ -275,16 +275,16 @@ fn no_files_use_each_other_in_a_circle() {
         }
     }
     for used in graph.values_mut() {
-        used.retain(|other| room(other) < ROOMS.len());
+        used.retain(|other| layer(other) < LAYERS.len());
     }
     assert!(
         graph.is_empty(),
-        "files in a circle, or that use one: {graph:#?}"
+        "files in a cycle, or that use one: {graph:#?}"
     );
 }
 
 #[test]
-fn rooms_use_only_what_is_below_them() {
+fn layers_use_only_what_is_below_them() {
     let graph = graph();
     let mut checked = 0;
     for (module, used) in &graph {
@@ -294,7 +294,7 @@ fn rooms_use_only_what_is_below_them() {
         }
         for other in used {
             checked += 1;
-            assert!(room(other) <= room(module), "{module} uses {other}");
+            assert!(layer(other) <= layer(module), "{module} uses {other}");
         }
     }
     assert!(checked > 300, "{checked} imports were found");

@@ -83,7 +83,7 @@ impl SubProblem {
         }))
     }
 
-    /// Where a direction is free, many maps explain the bearings: returns another than the one found if its shape
+    /// Where a direction is free, many maps explain the bearings: returns one other than the map found if its shape
     /// explains why.
     fn more_telling_map(
         &self,

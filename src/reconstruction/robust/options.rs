@@ -59,7 +59,7 @@ pub struct RobustOptions {
     /// Iterations of each refinement while a map grows: it need not converge.
     pub growing_iterations: usize,
 
-    /// Bounds on the way from a growing map to the final one.
+    /// Bounds that lead from that of a growing map to the final one.
     pub narrowing_bounds: [f64; 2],
     /// Iterations of refinement at each of them.
     pub narrowing_iterations: usize,

@@ -19,7 +19,7 @@ const MIN_SHARED_WITH_FOURTH: usize = 4;
 /// Options of the choice among hypotheses.
 #[derive(Clone, Copy, Debug)]
 struct HypothesisOptions {
-    /// Maximum number of triples of views that are swept for four landmarks: each finds all minima of its own.
+    /// Maximum number of triples of views that are swept for four landmarks: each sweep finds all minima of its triple.
     max_sweeps: usize,
     /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
     /// minimum.
