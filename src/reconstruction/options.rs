@@ -15,8 +15,8 @@ pub enum Strategy {
     /// Well-conditioned triples of views grown by resection and triangulation, with refinement in
     /// between; several maps where the views are not connected.
     Incremental,
-    /// All views at once: headings by rotation averaging over many triples, then one sparse linear
-    /// system for all positions and landmarks.
+    /// All views at once: headings by rotation averaging over many triples, then one linear system for
+    /// all positions and landmarks.
     Global,
     /// The method of Dellaert and Stroupe (2002) from the first three views, with their tensor or the
     /// calibrated one.
