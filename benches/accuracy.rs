@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Errors by method, and against the Cramer-Rao bound: `cargo bench --bench accuracy [-- SCENES]`.
 //!
-//! The first table of `docs/accuracy.md`: three views, 0.3 degrees of noise, the branch nearer to the
-//! truth, median and 90th percentile over the scenes of the larger of the two heading errors. Maximum
+//! The first table of `docs/accuracy.md`: three views with 0.3 degrees of noise and the branch closer to the
+//! truth; median and 90th percentile, over the scenes, of the larger of the two heading errors. Maximum
 //! likelihood is the refinement started at the truth.
 //!
-//! The second: root mean square over the scenes of the error over its bound, of positions and of
-//! headings, all scenes, and without the hundredth of them in which it is largest.
+//! The second table: root mean square, over the scenes, of the error divided by its bound, for positions and
+//! for headings; over all scenes, and without the hundredth in which it is largest.
 
 use bearslam::{
     Arena, Bearing, Errors, Layout, Map, Method, Pose, Problem, RefineOptions, Scene, SolveOptions,
@@ -55,7 +55,7 @@ fn main() {
     against_the_bound(scenes);
 }
 
-/// The table of errors over their bounds.
+/// The table of errors divided by their bounds.
 fn against_the_bound(scenes: u64) {
     println!("\n| layout | noise \\[deg\\] | views | landmarks | method | positions | headings |");
     println!("|---|---|---|---|---|---|---|");

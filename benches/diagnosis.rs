@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How often the diagnosis is right: `cargo bench --bench diagnosis [-- SCENES]`.
 //!
-//! First every row of the table of degenerate configurations, drawn many times: how often it is named at
-//! the true map, from exact bearings alone, and from noisy ones. Then scenes where nothing is wrong:
-//! how often there is an alarm. With `VERBOSE` in the environment the misses are printed.
+//! First, for each row of the table of degenerate configurations, drawn many times: how often it is named at
+//! the true map, from exact bearings alone, and from noisy ones. Then, for regular scenes: how often there is
+//! a false alarm. With `VERBOSE` in the environment the misses are printed.
 
 #[path = "../tests/rust/shapes.rs"]
 #[allow(dead_code, reason = "the tests use all of it")]

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Instructions and stack of every kernel without std: `cargo bench --bench instructions`.
 //!
-//! Builds `tests/probe`, runs it under callgrind, and prints mean and worst number of instructions over
-//! 16 scenes and the deepest stack, beside the figures on record. Ends with an error where an average
-//! or a stack has grown by more than a tenth. `cargo bench --bench instructions -- --record` writes the record.
+//! Builds `tests/probe`, runs it under callgrind, and prints the mean and worst number of instructions over
+//! 16 scenes and the deepest stack, beside the recorded figures. Fails if a mean or a stack has grown by more
+//! than a tenth. `cargo bench --bench instructions -- --record` writes the record.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let record = root.join("benches/instructions.txt");
     if Command::new("valgrind").arg("--version").output().is_err() {
-        println!("SKIPPED: there is no valgrind to count with");
+        println!("SKIPPED: valgrind is not installed");
         return ExitCode::SUCCESS;
     }
     let probe = build(root);
@@ -72,7 +72,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The probe, built as `make probe` builds it.
+/// Builds the probe as `make probe` does.
 fn build(root: &Path) -> PathBuf {
     let target = root.join("target/probe");
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -110,7 +110,7 @@ fn count(probe: &Path, folder: &Path) -> Vec<u64> {
         .collect()
 }
 
-/// What a program has printed.
+/// Runs a program and returns its output.
 fn run(command: &mut Command) -> String {
     let output = command
         .output()
@@ -154,7 +154,7 @@ fn read(text: &str) -> BTreeMap<Kernel, Cost> {
         .collect()
 }
 
-/// Prints a row for each kernel; whether none costs more than a tenth above the record.
+/// Prints a row for each kernel; returns whether none exceeds the record by more than a tenth.
 fn table(costs: &[(Kernel, Cost)], known: &BTreeMap<Kernel, Cost>) -> bool {
     println!("| kernel | scalar | instructions, mean | worst | stack \\[bytes\\] | on record |");
     println!("|---|---|---|---|---|---|");

@@ -3,10 +3,10 @@
 //!
 //! Every scene of every size ends in one of the columns:
 //! - `found`: the map equals the truth up to a similarity, to 1e-7 of the scene's size;
-//! - `twin`: another map explains the bearings exactly, and the truth is among the alternatives;
+//! - `twin`: another map explains the bearings exactly, and the truth is among its alternatives;
 //! - `degenerate`: an error that names the degeneracy;
-//! - `ill-conditioned`: the result says so, by its sensitivity (over 1e4 per radian) or by iterations that
-//!   ran out;
+//! - `ill-conditioned`: the result says so, by its sensitivity (above 1e4 per radian) or by reaching the maximum
+//!   number of iterations;
 //! - `lost`: none of these.
 
 use bearslam::{
@@ -55,7 +55,7 @@ impl std::fmt::Display for Counts {
 /// Largest error of a map that counts as found, over the size of the arena.
 const ERROR: f64 = 1e-7;
 
-/// Sensitivity per radian beyond which a result says that it is ill-conditioned.
+/// Sensitivity per radian above which a result counts as ill-conditioned.
 const SENSITIVITY: f64 = 1e4;
 
 fn main() {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How often are outliers found? `cargo bench --bench robust --features rayon [-- TRIALS [SEED [PERCENT]]]`.
 //!
-//! Scenes with half a degree of noise in which a share of the bearings is wrong, a third each swapped,
-//! turned by pi and random. A solve succeeds when its bounded cost is no higher than that of the
-//! refinement of the true inliers started at the truth, followed to its own fixed point, by more than
-//! 1e-5 of it. With a percentage only that share of outliers is looked at.
+//! Scenes with half a degree of noise and a fraction of outliers, a third each swapped, turned by pi and
+//! random. The reference is the refinement of the true inliers started at the truth, followed to its own
+//! fixed point. A solve succeeds when its truncated cost exceeds that of the reference by no more than 1e-5
+//! of it. With a percentage, only that fraction of outliers is run.
 
 use bearslam::{
     Arena, Cell, Layout, Map, Problem, RefineOptions, Scene, Sighting, SolveOptions, refine_map,
@@ -20,10 +20,10 @@ const SHARES: [f64; 3] = [0.0, 0.3, 0.5];
 /// Standard deviations beyond which a bearing is an outlier.
 const OUTLIER: f64 = 3.0;
 
-/// What came of one scene.
+/// The outcome of one scene.
 struct Run {
     success: bool,
-    /// Good bearings among those taken for good, those taken for good, and all good ones.
+    /// Number of true inliers among those found, of inliers found, and of true inliers.
     right: usize,
     taken: usize,
     good: usize,
@@ -122,7 +122,7 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
     }
 }
 
-/// The bounded cost that the truth leads to.
+/// The truncated cost that the truth leads to.
 fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
     let (views, landmarks) = (scene.poses.len(), scene.landmarks.len());
     let all = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
@@ -156,7 +156,7 @@ fn from_truth(scene: &Scene, wrong: &[bool], noise: f64) -> f64 {
         .sum()
 }
 
-/// The squares of residual over sigma; infinite where the map does not reach.
+/// The squares of residual over sigma; infinite where view or landmark is undetermined.
 fn squares<'a>(problem: &'a Problem, map: &'a Map, noise: f64) -> impl Iterator<Item = f64> + 'a {
     map.residuals(problem)
         .map(move |residual| residual.map_or(f64::INFINITY, |r| (r / noise) * (r / noise)))

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How wide must a search be? `cargo bench --bench search --features rayon [-- TRIALS [SEED]]`.
 //!
-//! Failures against time for searches of several widths, over the paper's 75 cells in both layouts and
-//! over harder ones. A search fails when its cost exceeds the least known for the scene, over
+//! Failures against time for searches of several widths, over the 75 cells of Dellaert and Stroupe in both
+//! layouts and over harder ones. A search fails when its cost exceeds the least known one of the scene, over
 //! all widths and the refinement started at the truth, by more than 1e-5 of it.
 
 use bearslam::{

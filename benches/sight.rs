@@ -2,14 +2,14 @@
 //! Whole maps under limited sight:
 //! `cargo bench --bench sight [-- TRIALS [SEED [SETTING]]] [known] [verbose] [incremental] [global]`.
 //!
-//! `known` gives the methods the standard deviation of the bearings, `verbose` says how each miss
-//! misses, a name runs that method only, SETTING one line of the table, from 0.
+//! `known` gives the methods the standard deviation of the bearings, `verbose` prints the details of each
+//! failure, the name of a method runs only that method, SETTING runs one line of the table, from 0.
 //!
 //! Rates of success and times of the incremental and the global method. A scene counts when the
-//! Jacobian at the truth has no more than the four null directions of the gauge, after views with
-//! fewer than three and landmarks with fewer than two sightings are taken out; the others are counted
-//! apart. A method succeeds when it determines all that the refinement started at the truth
-//! determines, at a cost that exceeds its cost by no more than 1e-5 of it plus 1e-12.
+//! Jacobian at the truth has no more than the four null directions of the gauge, after removing views with
+//! fewer than three and landmarks with fewer than two sightings; the others are counted separately. A
+//! method succeeds when it determines everything that the refinement started at the truth determines, at a
+//! cost that exceeds that of the refinement by no more than 1e-5 of it plus 1e-12.
 
 use bearslam::{
     Arena, Error, Layout, Problem, Reconstruction, RefineOptions, Scene, SolveOptions, Strategy,
@@ -32,7 +32,7 @@ const METHODS: [(&str, Strategy); 2] = [
     ("global", Strategy::Global),
 ];
 
-/// Methods that are run: a word of the command line.
+/// Whether a word is on the command line.
 fn chosen(name: &str) -> bool {
     let named: Vec<String> = std::env::args().collect();
     METHODS
@@ -129,7 +129,7 @@ fn main() {
     }
 }
 
-/// Whether a map has all that the refinement from the truth has, at no higher cost.
+/// Whether a map determines everything that the refinement from the truth does, at no higher cost.
 fn recovered(found: &Result<Reconstruction, Error>, truth: &Reconstruction) -> bool {
     let Ok(found) = found else { return false };
     let poses = truth.map.poses.iter().zip(&found.map.poses);
@@ -162,7 +162,7 @@ fn report(name: &str, seed: u64, found: &Result<Reconstruction, Error>, truth: &
     }
 }
 
-/// Null directions of the Jacobian at the truth, of what has enough sightings.
+/// Number of null directions of the Jacobian at the truth, over views and landmarks with enough sightings.
 fn free_directions(scene: &Scene, landmarks: usize) -> usize {
     let views = scene.poses.len();
     let (mut view, mut landmark) = (vec![true; views], vec![true; landmarks]);
@@ -215,6 +215,6 @@ fn free_directions(scene: &Scene, landmarks: usize) -> usize {
     let missing =
         3 * view.iter().filter(|v| !**v).count() + 2 * landmark.iter().filter(|v| !**v).count();
     let values = information.symmetric_eigenvalues();
-    // Squares of singular values that are rounding.
+    // Squares of singular values that are only rounding.
     values.iter().filter(|value| value.abs() < 1e-12).count() - missing
 }

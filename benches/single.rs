@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Error of single precision beside that of noise: `cargo bench --bench single [-- scenes]`.
+//! Error of single precision compared with that of noise: `cargo bench --bench single [-- scenes]`.
 //!
-//! For each kernel: distance of the `f32` result from the `f64` result on the same noisy bearings, over the
-//! root mean square distance of the `f64` result from the truth over eight draws of the noise. Scenes of
-//! both layouts in turn.
+//! For each kernel: distance of the `f32` result from the `f64` result on the same noisy bearings, divided by
+//! the root mean square distance of the `f64` result from the truth over eight draws of the noise. Scenes
+//! alternate between both layouts.
 
 use bearslam::{
     Arena, Bearing, Layout, Method, Pose, Real, Scene, Triple, align, resect, simulate, three_view,
@@ -54,17 +54,17 @@ const KERNELS: [(&str, Kernel); 11] = [
     ("align, 15 points", Kernel::Align),
 ];
 
-/// What the kernels see, in one scalar.
+/// The input of the kernels, in one scalar type.
 struct Input<T: Real> {
     poses: Vec<Pose<T>>,
     landmarks: Vec<Point2<T>>,
     /// View by view.
     bearings: Vec<Bearing<T>>,
-    /// The landmarks with errors of their own.
+    /// The landmarks with independent errors.
     moved: Vec<Point2<T>>,
 }
 
-/// One noisy input in both scalars.
+/// One noisy input in both scalar types.
 fn inputs(scene: &Scene, seed: u64, noise: f64) -> (Input<f64>, Input<f32>) {
     let mut random = Random(seed);
     let bearings: Vec<f64> = scene
@@ -103,7 +103,7 @@ impl<T: Real> Input<T> {
 }
 
 impl Kernel {
-    /// All solutions, each as a list of numbers; none where the kernel refuses.
+    /// All solutions, each as a list of numbers; empty where the kernel returns an error.
     fn solve<T: Real>(self, input: &Input<T>) -> Vec<Vec<f64>> {
         match self {
             Self::ThreeView(count, method) => three_view(&input.triples(count), method)
@@ -117,7 +117,7 @@ impl Kernel {
                 else {
                     return Vec::new();
                 };
-                // The motion is the true one: its error is counted above.
+                // With the true motion: the error of the motion is measured above.
                 let poses = [0, 1, 2].map(|view| input.poses[view]);
                 found.motions[0].poses = poses;
                 let [u, v] = [0, 1].map(|view| input.bearings[view * LANDMARKS]);
@@ -184,9 +184,7 @@ fn main() {
         .skip(1)
         .find_map(|argument| argument.parse().ok())
         .unwrap_or(10_000);
-    println!(
-        "Error of `f32` over the error that {NOISE_DEG} deg of noise makes, {scenes} scenes\n"
-    );
+    println!("Error of `f32` over the error caused by {NOISE_DEG} deg of noise, {scenes} scenes\n");
     println!("| kernel | median | 95 % | above 5 % | only `f32` refuses | both refuse |");
     println!("|---|---|---|---|---|---|");
     for (name, kernel) in KERNELS {
@@ -212,11 +210,11 @@ fn main() {
     }
 }
 
-/// Infinite where only the `f32` kernel refuses, `None` where the other does, too.
+/// Infinite where only the `f32` kernel fails, `None` where both do.
 fn ratio(kernel: Kernel, scene: &Scene, seed: u64) -> Option<f64> {
     let exact = kernel.solve(&inputs(scene, seed, 0.0).0);
     let truth = match kernel {
-        // Of two solutions the one that is the scene.
+        // Of the two solutions the one nearer to the scene.
         Kernel::ThreeView(..) => {
             let inverse = scene.poses[0].inverse();
             let relative = [1, 2].map(|view| inverse * scene.poses[view]);

@@ -93,7 +93,7 @@ fn kernels(criterion: &mut Criterion) {
     }
 }
 
-/// A start as far from the truth as a good guess: 10 cm and 5 degrees, without randomness.
+/// A start as far from the truth as a good guess, 10 cm and 5 degrees, without randomness.
 fn guess(scene: &Scene) -> Map {
     let wave = |k: usize| (12.9898 * (k as f64 + 1.0)).sin();
     Map {
@@ -205,7 +205,7 @@ fn losses(criterion: &mut Criterion) {
 
 fn whole(criterion: &mut Criterion) {
     for (views, landmarks) in SIZES {
-        // Several scenes, or the figure would be that of one scene's luck.
+        // Several scenes, because the time for one may not be typical.
         let problems: Vec<Problem> = (0..16)
             .map(|seed| {
                 let scene = scene(views, landmarks, seed);
@@ -226,7 +226,7 @@ fn whole(criterion: &mut Criterion) {
     }
 }
 
-/// 100 views of 60 landmarks that see 2 metres far: both methods, without the last refinement and whole.
+/// 100 views with a range of sight of 2 metres and 60 landmarks: both methods, with and without the last refinement.
 fn limited_sight(criterion: &mut Criterion) {
     let arena = Arena {
         sight: 2.0,
@@ -278,7 +278,7 @@ fn diagnoses(criterion: &mut Criterion) {
     }
 }
 
-/// Half a degree of noise, a share of the bearings wrong.
+/// Half a degree of noise, and a fraction of outliers.
 fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Problem {
     let noise = 0.5_f64.to_radians();
     let arena = Arena::default();
@@ -287,7 +287,7 @@ fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Proble
     Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem")
 }
 
-/// The stages of a robust solve that have a name outside, and the whole.
+/// The public stages of a robust solve, and the whole.
 fn robust(criterion: &mut Criterion) {
     let sample: Vec<Triple<f64>> = triples(5, 3);
     criterion.bench_function("robust/tensor of a sample", |bencher| {

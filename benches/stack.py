@@ -51,7 +51,7 @@ def main() -> None:
     """Build, read and print."""
     target = sys.argv[1] if len(sys.argv) > 1 else "thumbv7em-none-eabihf"
     folder = "target/probe-stack"
-    # The linker would drop the table with the sections that nothing refers to.
+    # Otherwise the linker would drop the table as an unreferenced section.
     flags = "-Z emit-stack-sizes -C link-arg=--no-gc-sections"
     build = ["cargo", "build", "--quiet", "--release", "--manifest-path", "tests/probe/Cargo.toml"]
     run(*build, "--target", target, "--target-dir", folder, RUSTC_BOOTSTRAP="1", RUSTFLAGS=flags)

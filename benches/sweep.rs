@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Time of the paper's evaluation: `cargo bench --bench sweep --features rayon`.
+//! Time of the evaluation of Dellaert and Stroupe (2002): `cargo bench --bench sweep --features rayon`.
 //!
-//! 25 sizes, three levels of noise, 50 scenes each: 3750 scenes of one layout, solved from nothing and
-//! judged, over one thread and over two; the median of several runs in turn, and their ratio.
+//! 25 sizes, three levels of noise, 50 scenes each: 3750 scenes of one layout, solved without an initial guess
+//! and compared, on one thread and on two; the median of several alternating runs, and their ratio.
 
 use bearslam::{Cell, Chunk, Layout, Start, sweep};
 use std::time::Instant;

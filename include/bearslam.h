@@ -1,57 +1,58 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Planar structure and motion from bearings alone. Made from src/capi/ by `make header`.
+// Planar structure and motion from bearings alone. Generated from src/capi/ by `make header`.
 //
-// Angles are radians. A pose is x, y, heading, a landmark x, y; arrays are row by row. A bearing that is NaN has
-// not been seen. Nothing is allocated and no call keeps a pointer. Every pointer must have room for the numbers
-// that its argument names, and what a call writes may overlap nothing else that it is given. With any status but
-// BEARSLAM_STATUS_OK and BEARSLAM_STATUS_NOT_CONVERGED nothing has been written.
+// Angles are in radians. A pose is x, y, heading, a landmark x, y; arrays are row by row. A bearing is NaN where a
+// view does not see a landmark. Nothing is allocated and no call keeps a pointer. Every pointer must have room for
+// the numbers that the description of its argument states, and what a call writes must not overlap any of its other
+// arguments. With any status other than BEARSLAM_STATUS_OK and BEARSLAM_STATUS_NOT_CONVERGED nothing has been
+// written.
 
 #ifndef BEARSLAM_H
 #define BEARSLAM_H
 
 #include <stddef.h>
 
-// Most landmarks of `bearslam_three_view`, whose rays are on the stack.
+// Maximum number of landmarks of `bearslam_three_view`, whose rays are on the stack.
 #define BEARSLAM_MAX_TRIPLES 64
 
-// Most rounds of reweighting of `bearslam_three_view`: a count that went wrong is not worked off.
+// Maximum number of rounds of reweighting of `bearslam_three_view`, so that a wrong argument cannot stall it.
 #define BEARSLAM_MAX_REWEIGHTS 100
 
-// Most views of `bearslam_refine`.
+// Maximum number of views of `bearslam_refine`.
 #define BEARSLAM_MAX_VIEWS 16
 
-// Most landmarks of `bearslam_refine`.
+// Maximum number of landmarks of `bearslam_refine`.
 #define BEARSLAM_MAX_LANDMARKS 32
 
-// What became of a call.
+// Result of a call.
 typedef enum BearslamStatus {
-  // All is written.
+  // Success: all results are written.
   BEARSLAM_STATUS_OK = 0,
   // A pointer is null.
   BEARSLAM_STATUS_NULL_POINTER,
-  // A pointer is not aligned for what it points at.
+  // A pointer is not aligned for its type.
   BEARSLAM_STATUS_MISALIGNED,
   // Fewer views or landmarks than the call needs.
   BEARSLAM_STATUS_TOO_FEW,
   // More views, landmarks or rounds than the call can take.
   BEARSLAM_STATUS_TOO_LARGE,
-  // A number is infinite, or NaN where that means nothing.
+  // A number is infinite, or NaN where NaN is not allowed.
   BEARSLAM_STATUS_NOT_FINITE,
   // The standard deviation is not positive, or the tolerance is negative.
   BEARSLAM_STATUS_NOT_POSITIVE,
-  // No such method.
+  // Unknown method.
   BEARSLAM_STATUS_UNKNOWN_METHOD,
-  // The memory is smaller than `bearslam_refine_size` says.
+  // The memory is smaller than `bearslam_refine_size` requires.
   BEARSLAM_STATUS_MEMORY_TOO_SMALL,
   // The data do not determine the answer.
   BEARSLAM_STATUS_DEGENERATE,
-  // The iterations ran out before the minimum; all is written.
+  // The maximum number of iterations was reached before a minimum; all results are written.
   BEARSLAM_STATUS_NOT_CONVERGED,
-  // An error of the library that its calls from C should not meet.
+  // An error of the library that calls from C should never cause.
   BEARSLAM_STATUS_UNEXPECTED,
 } BearslamStatus;
 
-// How three views are solved.
+// Method for three views.
 typedef enum BearslamMethod {
   // The calibrated tensor, from five landmarks.
   BEARSLAM_METHOD_CALIBRATED = 0,
@@ -63,22 +64,22 @@ typedef enum BearslamMethod {
 extern "C" {
 #endif // __cplusplus
 
-// The explanation of a status, in a word or a sentence; never null.
+// The explanation of a status, as a short text; never null.
 const char *bearslam_status_text(int status);
 
-// Poses and landmarks of three views from bearings alone: both motions that explain them, best first.
+// Poses and landmarks of three views from bearings alone: both motions that explain them, the better first.
 //
 // View 0 is at the origin with heading 0, view 1 at distance 1 from it. Both motions explain the bearings
-// modulo pi; the signs nearly always tell them apart, but not always: look at `inconsistent` of both.
+// modulo pi. The signs distinguish them nearly always, but not always: check `inconsistent` of both.
 //
-// - `bearings`: 3 x `landmark_count`, by view. A landmark that one of the views does not see takes no part.
+// - `bearings`: 3 x `landmark_count`, by view. A landmark not seen by all three views is ignored.
 // - `landmark_count`: at most `BEARSLAM_MAX_TRIPLES`.
-// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated one (2 is good), at
+// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated method (2 is good), at
 //   most `BEARSLAM_MAX_REWEIGHTS`.
 // - `poses`: 2 x 3 x 3, by solution, then by view.
-// - `landmarks`: 2 x `landmark_count` x 2; NaN where rays are parallel or one is missing.
+// - `landmarks`: 2 x `landmark_count` x 2; NaN where the rays are parallel or one is missing.
 // - `inconsistent`: 2; how many sightings point away from their landmark.
-// - `solutions`: how many there are: 2, or 1 where noise has made the two one. Then the second is NaN.
+// - `solutions`: 1; the number of solutions: 2, or 1 where noise has merged them, and the second is then NaN.
 //
 // # Safety
 // See the head of this file.
@@ -104,9 +105,9 @@ enum BearslamStatus bearslam_three_view_f32(const float *bearings,
                                             size_t *inconsistent,
                                             size_t *solutions);
 
-// A landmark from two bearings or more.
+// A landmark by triangulation from at least two bearings.
 //
-// - `poses`: `view_count` x 3; those of views that do not see it are not looked at.
+// - `poses`: `view_count` x 3; those of views that do not see the landmark are ignored.
 // - `bearings`: `view_count`.
 // - `point`: 2.
 //
@@ -123,9 +124,9 @@ enum BearslamStatus bearslam_triangulate_f32(const float *poses,
                                              size_t view_count,
                                              float *point);
 
-// A pose from bearings of three known landmarks or more.
+// A pose by resection from bearings of at least three known landmarks.
 //
-// - `landmarks`: `landmark_count` x 2; those that are not seen are not looked at.
+// - `landmarks`: `landmark_count` x 2; those that are not seen are ignored.
 // - `bearings`: `landmark_count`.
 // - `pose`: 3.
 //
@@ -145,28 +146,28 @@ enum BearslamStatus bearslam_resect_f32(const float *landmarks,
                                         size_t landmark_count,
                                         float *pose);
 
-// How many bytes of memory `bearslam_refine` needs; 0 for more views or landmarks than it can take.
+// The number of bytes of memory that `bearslam_refine` needs; 0 for more views or landmarks than it can take.
 size_t bearslam_refine_size(size_t view_count, size_t landmark_count);
 
-// As `bearslam_refine_size`, of `bearslam_refine_f32`.
+// As `bearslam_refine_size`, for `bearslam_refine_f32`.
 size_t bearslam_refine_size_f32(size_t view_count, size_t landmark_count);
 
-// Refines poses and landmarks in place: the least sum of squared bearing residuals over sigma.
+// Refines poses and landmarks in place: minimises the sum of squared bearing residuals over sigma.
 //
-// The first view that takes part ends at the origin with heading 0, the others at a root-mean-square
+// In the result the first determined view is at the origin with heading 0, the others at a root-mean-square
 // distance of 1 from it. Views that see fewer than three landmarks of the map and landmarks seen by fewer
-// than two of its views are not held by the bearings and become NaN.
+// than two of its views are not determined by the bearings and become NaN.
 //
 // - `bearings`: `view_count` x `landmark_count`, by view.
 // - `sigma`: standard deviation of a bearing.
 // - `view_count`, `landmark_count`: at most `BEARSLAM_MAX_VIEWS` and `BEARSLAM_MAX_LANDMARKS`.
-// - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one with x NaN takes no part.
-// - `max_iterations`: most linear systems to solve, which bounds the time.
-// - `tolerance`: ends when a step lowers the cost by less than this part of it; 1e-10 (1e-7 in single
-//   precision) is good, 0 goes on until no step lowers it.
+// - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one whose x is NaN is left out.
+// - `max_iterations`: maximum number of linear systems to solve, which bounds the time.
+// - `tolerance`: ends when a step lowers the cost by less than this fraction of it; 1e-10 (1e-7 in single
+//   precision) is good, 0 continues until no step lowers it.
 // - `cost`: 1; half the sum of squares. `iterations`: 1; linear systems solved.
-// - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. What is
-//   in it before and after means nothing.
+// - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. Its
+//   contents before and after the call do not matter.
 //
 // # Safety
 // See the head of this file.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Many problems at once, over all cores.
+//! Many problems at once, on all cores.
 
 use crate::error::Error;
 use crate::kernels::{Method, ThreeView, Triple, three_view};
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Solves many problems in parallel: the results of [`solve`], in the same order.
 ///
-/// Each problem is solved by one thread, so results do not depend on their number.
+/// Each problem is solved by one thread, so results do not depend on the number of threads.
 ///
 /// # Example
 /// ```
@@ -38,8 +38,8 @@ pub fn solve_batch(
 
 /// The motions of many triples of views in parallel: the results of [`three_view`], in the same order.
 ///
-/// Each problem has `landmarks` triples of bearings, one after the other; what is left over at the end
-/// is dropped.
+/// Each problem has `landmarks` triples of bearings, stored one after the other; an incomplete problem at
+/// the end is ignored.
 ///
 /// # Example
 /// ```

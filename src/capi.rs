@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The C interface: plain arrays in, plain arrays and a status out. `include/bearslam.h` is made from it.
+//! The C interface: plain arrays in, plain arrays and a status out. `include/bearslam.h` is generated from it.
 //!
-//! Angles are radians. A pose is `x, y, heading`, a landmark `x, y`; arrays are row by row. A bearing that
-//! is NaN has not been seen. Nothing allocates, nothing panics, and no call keeps a pointer. With any status
-//! but [`BearslamStatus::Ok`] and [`BearslamStatus::NotConverged`] nothing has been written.
+//! Angles are in radians. A pose is `x, y, heading`, a landmark `x, y`; arrays are row by row. A bearing is NaN
+//! where a view does not see a landmark. Nothing allocates or panics, and no call keeps a pointer. With any status
+//! other than [`BearslamStatus::Ok`] and [`BearslamStatus::NotConverged`] nothing has been written.
 //!
 //! # Safety
-//! Holds for every function: a pointer that is not null has room for the numbers that its argument
-//! names, and what a call writes overlaps nothing else that it is given. Null and misaligned pointers are
-//! told by the status.
+//! For every function, each non-null pointer must have room for the numbers that the description of its argument
+//! states, and what a call writes must not overlap any of its other arguments. Null and misaligned pointers are
+//! reported by the status.
 
 #[allow(unsafe_code, reason = "functions of C")]
 mod calls;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What bearings can determine, what they cannot, and why: by name.
+//! What the bearings determine, what they do not, and why.
 //!
-//! `docs/theory.md` has the geometry, `docs/diagnosis.md` the list of findings.
+//! `docs/theory.md` explains the geometry, `docs/diagnosis.md` lists the findings.
 
 mod diagnose;
 mod finding;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What can be wrong with the input or with the geometry.
+//! Errors of the input and of the geometry.
 
 mod degeneracy;
 
@@ -7,7 +7,7 @@ pub use degeneracy::Degeneracy;
 
 use core::fmt;
 
-/// Wrong input, or a geometry that does not determine the answer.
+/// Invalid input, or a geometry that does not determine the answer.
 ///
 /// A refinement that does not converge is not an error: it ends with a
 /// `Termination` in its report.
@@ -20,26 +20,26 @@ pub enum Error {
         what: &'static str,
         /// How many the method needs.
         needed: usize,
-        /// How many came.
+        /// How many were given.
         got: usize,
     },
     /// Two arguments that belong together have different lengths.
     LengthMismatch {
         /// The argument.
         what: &'static str,
-        /// The length the other arguments ask for.
+        /// The length required by the other arguments.
         expected: usize,
-        /// The length that came.
+        /// The length that was given.
         got: usize,
     },
-    /// A number that is not finite where a finite one is needed.
+    /// A number that must be finite is not.
     NotFinite {
         /// The argument.
         what: &'static str,
         /// Where in it.
         index: usize,
     },
-    /// A standard deviation that is not positive.
+    /// A number that must be positive is not, or its inverse square over- or underflows.
     NotPositive {
         /// The argument.
         what: &'static str,
@@ -55,7 +55,7 @@ pub enum Error {
         /// Where in it.
         index: usize,
     },
-    /// A standard deviation so large that no bearing could be told from a wrong one.
+    /// A standard deviation so large that outliers cannot be identified.
     SigmaTooLarge {
         /// The argument.
         what: &'static str,
@@ -63,10 +63,10 @@ pub enum Error {
         index: usize,
         /// The value that came \[rad\].
         value: f64,
-        /// The largest value of use \[rad\].
+        /// The largest usable value \[rad\].
         bound: f64,
     },
-    /// An index that is out of range.
+    /// An index is out of range.
     OutOfRange {
         /// The argument.
         what: &'static str,
@@ -95,7 +95,7 @@ pub enum Error {
         /// The view.
         view: usize,
     },
-    /// A problem too large for a method that works densely.
+    /// A problem too large for a method that uses dense matrices.
     TooLarge {
         /// What is too large.
         what: &'static str,
@@ -108,36 +108,36 @@ pub enum Error {
     Degenerate {
         /// The test that failed.
         kind: Degeneracy,
-        /// The value of its quantity.
+        /// The value of the tested quantity.
         value: f64,
         /// The bound that it violates.
         bound: f64,
     },
-    /// Bearings that are known modulo pi only, where a method needs oriented ones.
+    /// Bearings known only modulo pi, where a method needs oriented ones.
     NeedsOriented {
         /// The method.
         what: &'static str,
     },
-    /// So many outliers that those which agree may do so by chance.
+    /// So many outliers that the inliers may agree by chance.
     NoConsensus {
-        /// Bearings that agree.
+        /// Number of inliers.
         inliers: usize,
-        /// Bearings that do not.
+        /// Number of outliers.
         outliers: usize,
-        /// Bearings that agree beyond the unknowns of the map.
+        /// Redundancy: inliers beyond the unknowns of the map.
         freedom: usize,
     },
-    /// The memory does not hold the normal equations.
+    /// The normal equations do not fit into memory.
     OutOfMemory,
     /// The caller asked to stop.
     Interrupted,
-    /// The system gives no threads.
+    /// Threads cannot be created.
     NoThreads,
 }
 
 impl Error {
-    /// Whether the whole call ends with this error, where another attempt could follow others:
-    /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+    /// Whether this error ends the whole call rather than one of several attempts: [`Error::Interrupted`] and
+    /// [`Error::OutOfMemory`].
     pub const fn stops_all(&self) -> bool {
         matches!(self, Self::Interrupted | Self::OutOfMemory)
     }
@@ -157,7 +157,7 @@ impl fmt::Display for Error {
             Self::NotFinite { what, index } => {
                 write!(
                     f,
-                    "{what}: expected finite numbers, got one that is not at index {index}"
+                    "{what}: expected finite numbers, got NaN or infinity at index {index}"
                 )
             }
             Self::NotPositive { what, index, value } => {
@@ -169,7 +169,7 @@ impl fmt::Display for Error {
             Self::NotSymmetric { what, index } => {
                 write!(
                     f,
-                    "{what}: expected symmetric covariances, got one that is not at index {index}"
+                    "{what}: expected symmetric covariances, got an asymmetric one at index {index}"
                 )
             }
             Self::SigmaTooLarge {
@@ -179,7 +179,7 @@ impl fmt::Display for Error {
                 bound,
             } => write!(
                 f,
-                "{what}: outliers can be told only below {bound} rad, got {value} at index {index}; \
+                "{what}: outliers can be identified only below {bound} rad, got {value} at index {index}; \
                  give the standard deviation of a bearing in radians"
             ),
             Self::OutOfRange {
@@ -228,12 +228,12 @@ impl fmt::Display for Error {
                 freedom,
             } => write!(
                 f,
-                "no consensus: {inliers} bearings agree with the best map and {outliers} do not, but only {freedom} \
-                 of them are beyond its unknowns, which chance explains; check sigma, and add sightings"
+                "no consensus: the best map has {inliers} inliers, {outliers} outliers and only {freedom} degrees of \
+                 freedom, which may be chance; check sigma, and add sightings"
             ),
             Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),
             Self::Interrupted => write!(f, "interrupted by the caller"),
-            Self::NoThreads => write!(f, "the system gives no more threads"),
+            Self::NoThreads => write!(f, "the system cannot create more threads"),
         }
     }
 }

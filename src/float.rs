@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The elementary functions of `f64` where there is no standard library.
 //!
-//! With `std` they are methods of `f64` itself; a file that needs them without it has
-//! `#[cfg(not(feature = "std"))] use crate::float::Float;` and reads the same either way.
+//! With `std` they are methods of `f64` itself; without it a file that needs them has
+//! `#[cfg(not(feature = "std"))] use crate::float::Float;`, and its code is the same either way.
 
 use nalgebra::{ComplexField, RealField};
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Closed-form estimators of fixed size: no heap, constant memory for any number of landmarks.
+//! Closed-form estimators without a heap: constant memory for any number of landmarks.
 
 mod calibrated;
 mod gram;

@@ -2,8 +2,8 @@
 //! Planar structure and motion from **bearings alone**.
 //!
 //! Robots, theodolites, direction finders or 1D cameras measure only the angles at which they see
-//! landmarks. This crate returns all poses and landmarks, up to a similarity of the plane, with no
-//! odometry and no initial guess.
+//! landmarks. This crate estimates all poses and landmarks, up to a similarity of the plane, without
+//! odometry and without an initial guess. Odometry and priors can be added.
 //!
 //! ```
 //! use bearslam::{Arena, Layout, Problem, SolveOptions, simulate, solve};
@@ -22,23 +22,23 @@
 //! |---|---|---|
 //! | `geometry` | bearings, poses, similarities | `core` |
 //! | `kernels` | closed forms of fixed size: tensors, motion, triangulation, resection | `core` |
-//! | `lm` | nonlinear least squares: one engine, one linearised bearing | `core` |
-//! | `fixed` | maps in storage of the caller: growth and refinement | `core` |
+//! | `lm` | non-linear least squares: one loop, one linearised bearing | `core` |
+//! | `fixed` | maps in memory of the caller: growth and refinement | `core` |
 //! | `problem` | sightings, odometry and priors; poses and landmarks | `alloc` |
 //! | `adjustment` | residuals, normal equations, refinement | `alloc` |
 //! | `uncertainty` | covariances, sensitivity, weak directions | `alloc` |
 //! | `simulate` | random scenes | `alloc` |
-//! | `reconstruction` | maps of many views from nothing | `alloc` |
-//! | `diagnosis` | what can be determined, what cannot, and why | `alloc` |
-//! | `batch` | many problems over all cores | `rayon` |
+//! | `reconstruction` | maps of many views without an initial guess | `alloc` |
+//! | `diagnosis` | what is determined, what is not, and why | `alloc` |
+//! | `batch` | many problems on all cores | `rayon` |
 //! | `sweep` | Monte-Carlo sweeps over random scenes | `rayon` |
 //! | `capi` | the C interface | `core`, `capi` |
 //! | `python` | the extension module of the Python package | `python` |
 //!
 //! # Conventions
-//! Angles are radians, counter-clockwise. A pose maps the frame of the view to the map frame; a
-//! bearing is measured in the frame of the view from its heading. What needs no heap (closed forms and
-//! maps of fixed size) is generic over `f32` and `f64`; the rest is `f64`.
+//! Angles are in radians, counter-clockwise. A pose maps the frame of the view to the map frame; a
+//! bearing is measured in the frame of the view from its heading. Code that needs no heap (closed forms
+//! and maps of fixed size) is generic over `f32` and `f64`; the rest uses `f64`.
 #![no_std]
 #![warn(
     clippy::std_instead_of_core,
@@ -127,7 +127,7 @@ pub use sweep::{
 #[cfg(feature = "alloc")]
 pub use uncertainty::{Covariance, Fix, Frame, covariance};
 
-/// The examples of the README run as tests.
+/// Runs the examples of the README as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 pub struct Readme;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Non-linear least squares, whatever the storage: one loop, one linearised bearing, one landmark step.
+//! Non-linear least squares for any storage: one loop, one linearised bearing, one landmark step.
 //!
-//! Nothing here allocates or panics. The bundles on the heap and the maps of fixed size are
+//! Nothing here allocates or panics. Bundles on the heap and maps of fixed size are both
 //! [`LeastSquares`] problems for [`minimize`].
 
 mod loss;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What is given and what is found: sightings, odometry and priors; poses and landmarks.
+//! Input and output: sightings, odometry and priors; poses and landmarks.
 
 mod map;
 mod noise;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The extension module `bearslam._core`: arrays in, one call without the interpreter, arrays out.
+//! The extension module `bearslam._core`: arrays in, one call with the interpreter released, arrays out.
 //!
 //! No arithmetic happens here. The module has no state and is safe on free-threaded Python as long
-//! as nobody writes into an array while a call reads it: what is needed is copied before the
+//! as no other thread writes into an array while a call copies it; all input is copied before the
 //! interpreter is released.
 
 mod convert;
@@ -20,11 +20,11 @@ mod three_view;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-/// Linear algebra of bearings, compiled.
+/// The compiled core of bearslam.
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-    // NumPy is loaded with the first array: here, where an interruption is an error like any other.
+    // Load NumPy now, with a first array, so that an interruption is an ordinary error.
     drop(PyArray1::<f64>::zeros(module.py(), 0, false));
     module.add_function(wrap_pyfunction!(three_view::three_view, module)?)?;
     module.add_function(wrap_pyfunction!(three_view::trifocal_tensor, module)?)?;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps of many views from nothing.
+//! Maps of many views without an initial guess.
 
 mod attempt;
 pub(crate) mod global;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The scalar type everything is generic over.
+//! The scalar type that kernels and fixed maps are generic over.
 
 use nalgebra::RealField;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Random scenes: the paper's two layouts, and a trajectory with limited sight.
+//! Random scenes: the two layouts of Dellaert and Stroupe (2002), and a trajectory with limited sight.
 
 mod bound;
 mod contaminate;
@@ -24,15 +24,15 @@ use rand_distr::{Distribution, Normal};
 /// Where robots and landmarks are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
-    /// Both uniform over the arena (the paper's figure 9 and section 4.2).
+    /// Both uniform over the arena (Dellaert and Stroupe, figure 9 and section 4.2).
     Mixed,
-    /// Landmarks on the border of the arena, robots in the middle three fifths of it (figure 10).
+    /// Landmarks on the border of the arena, robots in its middle three fifths (figure 10).
     Enclosed,
     /// A robot driving a closed, wavy loop among uniform landmarks, heading along its path.
     Trajectory,
 }
 
-/// The arena and what can be seen in it.
+/// The size of the arena and the range of sight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arena {
     /// Extent along x.
@@ -44,7 +44,7 @@ pub struct Arena {
 }
 
 impl Default for Arena {
-    /// The paper's arena, 7 by 5 metres, everything seen.
+    /// The arena of the paper, 7 by 5 metres, with unlimited sight.
     fn default() -> Self {
         Self {
             width: 7.0,
@@ -76,7 +76,7 @@ impl Scene {
 }
 
 impl Layout {
-    /// All of them.
+    /// All layouts.
     pub const ALL: [Self; 3] = [Self::Mixed, Self::Enclosed, Self::Trajectory];
 
     /// The name of the variant in lower case.
@@ -91,7 +91,7 @@ impl Layout {
 
 /// A random scene with Gaussian noise of standard deviation `noise` \[rad\] on every bearing.
 ///
-/// The same arguments give the same scene, up to rounding in the sines and cosines of the platform.
+/// The same arguments give the same scene, up to rounding in the platform's sines and cosines.
 ///
 /// # Errors
 /// [`Error::TooFew`] for no views or no landmarks, [`Error::NotPositive`] for a negative or NaN
@@ -216,7 +216,7 @@ fn on_loop(phase: f64, width: f64, height: f64) -> Pose<f64> {
     )
 }
 
-/// The point of the border at a fraction of its length.
+/// The point on the border at a fraction of its length.
 fn on_border(fraction: f64, width: f64, height: f64) -> Point2<f64> {
     let along = fraction * 2.0 * (width + height);
     if along < width {

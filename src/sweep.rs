@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Monte-Carlo sweeps: many random scenes, each solved from several starts and judged.
+//! Monte-Carlo sweeps: many random scenes, each solved from several starts and compared.
 
 mod tally;
 mod trial;
@@ -17,7 +17,7 @@ use core::time::Duration;
 use rayon::ThreadPoolBuilder;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 
-/// A kind of scene.
+/// A cell of the sweep: one kind of scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
     /// Where views and landmarks are.
@@ -30,26 +30,26 @@ pub struct Cell {
     pub noise: f64,
 }
 
-/// Some trials of one cell: what is done in one go.
+/// Some trials of one cell, run as one unit of work.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chunk {
     /// The kind of scene.
     pub cell: Cell,
-    /// Numbers of the trials.
+    /// Indices of the trials.
     pub trials: Range<u64>,
 }
 
-/// Runs chunks over `threads` threads (0: all cores) and hands over the tallies of each, one for every
+/// Runs chunks on `threads` threads (0: all cores) and reports the tallies of each chunk, one for every
 /// start, as soon as it is done.
 ///
-/// `watch` is called on the calling thread with the index of a finished chunk and its tallies, and
-/// at least every 50 ms with `None`; `false` stops the work. Chunks that are not finished by then are
-/// lost. Tallies are counts, so the order in which chunks finish and are added up does not matter: the
-/// same seed gives the same bits, whatever the number of threads and the cutting into chunks.
+/// `watch` is called on the calling thread with the index of a finished chunk and its tallies, and with
+/// `None` when none has finished for 50 ms; returning `false` stops the work. Chunks that are not finished
+/// by then are lost. Tallies are counts, so the order in which chunks finish and are merged does not
+/// matter: the same seed gives the same bits, whatever the number of threads and the division into chunks.
 ///
 /// # Errors
 /// Those of [`simulate`](crate::simulate); [`Error::Interrupted`] when `watch` says so;
-/// [`Error::NoThreads`] when the system gives no threads.
+/// [`Error::NoThreads`] when threads cannot be created.
 ///
 /// # Example
 /// ```
@@ -83,7 +83,7 @@ pub fn sweep(
             let (sender, stop) = (sender.clone(), &stop);
             scope.spawn(move |_| {
                 if !stop.load(Ordering::Relaxed) {
-                    // Nobody listens any more when the work has been stopped.
+                    // The receiver no longer exists after the work has been stopped.
                     let _ = sender.send((index, run(chunk, starts, seed, stop)));
                 }
             });
@@ -108,7 +108,7 @@ pub fn sweep(
     })
 }
 
-/// Time between two looks of the caller.
+/// Longest time without a call of `watch`.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// The trials of a chunk, one after the other.

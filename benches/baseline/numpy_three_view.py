@@ -59,7 +59,7 @@ def three_view_batch(
     Parameters
     ----------
     bearings : (k, 3, n) ndarray
-        Of `k` problems with `n` landmarks [rad].
+        Bearings of `k` problems with `n` landmarks [rad].
     reweights : int
         Rounds of Sampson weights.
     null_vector : callable
@@ -97,7 +97,7 @@ def three_view_batch(
 
 
 def solve_block(bearings: Array, reweights: int, null_vector: NullVector, group: int, found: Solutions) -> None:
-    """Solve some problems, into slices of the results."""
+    """Solve some problems and write into slices of the results."""
     landmarks = bearings.shape[2]
     cos, sin = unit(np.array(bearings.transpose(1, 2, 0), order="C"))
     turns, rows = products(cos, sin)

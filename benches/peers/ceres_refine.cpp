@@ -4,9 +4,9 @@
 //
 //   ceres_refine FILE [--repeat N] [--solver dense_schur|dense_normal|dense_qr] [--gauge fixed|free]
 //
-// One residual block a sighting, analytic derivatives, wrapped residual; landmarks are eliminated first.
+// One residual block per sighting, analytic derivatives, wrapped residual; landmarks are eliminated first.
 // Only Solve() is timed: problem, ordering and options exist before, and the start is copied in between.
-// Prints one line a scene: m n median_us least_us iterations cost, with the cost as the sum of squared
+// Prints one line per scene: m n median_us least_us iterations cost, with the cost as the sum of squared
 // residuals [rad^2] and the times over N repetitions.
 
 #include <ceres/ceres.h>
@@ -31,7 +31,7 @@ struct Scene {
 
 double Wrap(double angle) { return std::remainder(angle, 2.0 * M_PI); }
 
-// Wrapped difference between the direction of a landmark seen from a pose and the bearing measured.
+// Wrapped difference between the direction of a landmark from a pose and the measured bearing.
 class Sighting : public ceres::SizedCostFunction<1, 3, 2> {
  public:
   explicit Sighting(double bearing) : bearing_(bearing) {}
@@ -150,7 +150,7 @@ int main(int argc, char** argv) {
                                  &now.landmarks[2 * j]);
       }
     }
-    // The first pose stays; the scale is left to the damping, which every pose and landmark has anyway.
+    // The first pose is held constant; the scale is left to the damping, which acts on every parameter anyway.
     if (fixed_gauge) problem.SetParameterBlockConstant(&now.poses[0]);
 
     ceres::Solver::Options options;

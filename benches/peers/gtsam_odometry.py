@@ -156,7 +156,7 @@ def compare(views: int, repeat: int, start: str, seed: int) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="Bearings with odometry: bearslam beside GTSAM.")
+    parser = argparse.ArgumentParser(description="Bearings with odometry: bearslam compared with GTSAM.")
     parser.add_argument("--views", type=int, nargs="+", default=[100, 1000])
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--start", choices=("odometry", "perturbed"), default="odometry")

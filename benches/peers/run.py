@@ -17,7 +17,7 @@ time        median of the scenes' median times [us]
 quiet       median of the scenes' least times [us]: closer to the computation alone, on a busy machine
 iterations  median
 cost        median sum of squared residuals [rad^2]
-arrived     scenes whose cost is within 1e-5 of the least that any refiner reached from this start
+arrived     scenes whose cost is within 1e-5 of the lowest that any refiner reached from this start
 ratio       time as a multiple of the first refiner's
 """
 
@@ -89,7 +89,7 @@ def build_ceres() -> list[str] | None:
 
 
 def table(refiners: list[Refiner]) -> str:
-    """One line for every size and refiner."""
+    """Print one line for every size and refiner."""
     form = "{:>8}  {:<22} {:>9} {:>9} {:>10} {:>12} {:>9} {:>7}"
     lines = [form.format("size", "refiner", "time", "quiet", "iterations", "cost", "arrived", "ratio")]
     sizes = refiners[0].sizes

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Scenes and starts that every refiner of this comparison reads: writer, and reader for Python.
+"""Scenes and starts for every refiner of this comparison: the writer, and a reader for Python.
 
     python benches/peers/scenes.py [FILE]          # default: target/peers/scenes.txt
 
@@ -125,7 +125,7 @@ def main() -> None:
     """Write the file of scenes."""
     parser = argparse.ArgumentParser(description="Write the scenes that all refiners start from.")
     parser.add_argument("file", nargs="?", type=Path, default=DEFAULT)
-    parser.add_argument("--count", type=int, default=50, help="scenes of each size")
+    parser.add_argument("--count", type=int, default=50, help="number of scenes of each size")
     args = parser.parse_args()
     args.file.parent.mkdir(parents=True, exist_ok=True)
     blocks = [block(np.random.default_rng([2002, m, n, k]), m, n) for m, n in SIZES for k in range(args.count)]

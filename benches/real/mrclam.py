@@ -37,7 +37,7 @@ KINDS: dict[str, dict[str, object]] = {"squares": {}, "huber": {"loss": "huber"}
 
 
 def share(landmarks: Array, truth: Array) -> float:
-    """Root-mean-square error after the best similarity, over the radius of the truth."""
+    """Root-mean-square error after the best similarity, relative to the radius of the truth."""
     known = np.isfinite(landmarks).all(axis=1)
     source, target = landmarks[known], truth[known]
     away = bearslam.align(source, target).apply(source) - target

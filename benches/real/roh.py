@@ -62,7 +62,7 @@ def quantiles(errors: Array) -> str:
 
 
 def draw(beacons: Array, truth: Array, result: bearslam.Reconstruction, path: str) -> None:
-    """The nine positions with their ellipses, over the truth."""
+    """Draws the nine positions with their ellipses over the truth."""
     from bearslam.plotting.map import draw_to_file
 
     draw_to_file(result, path, truth=(truth, beacons))

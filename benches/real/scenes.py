@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def doubtful(self) -> bool:
-        """Whether bearslam says that the bearings hardly determine the map."""
+        """Whether bearslam reports that the bearings hardly determine the map."""
         return not self.foreseen <= DOUBTFUL
 
     def __str__(self) -> str:
@@ -72,7 +72,7 @@ class Outcome:
 
 
 def landmark_error(landmarks: Array, truth: Array) -> float:
-    """Root-mean-square error after the best similarity, over the radius of the truth."""
+    """Root-mean-square error after the best similarity, relative to the radius of the truth."""
     known = np.isfinite(landmarks).all(axis=1) & np.isfinite(truth).all(axis=1)
     if known.sum() < 2:
         return np.inf
@@ -83,7 +83,7 @@ def landmark_error(landmarks: Array, truth: Array) -> float:
 
 
 def freedom(result: bearslam.Reconstruction) -> int:
-    """Residuals less unknowns."""
+    """Residuals minus unknowns."""
     residuals, views, landmarks = (
         int(np.isfinite(values).sum()) for values in (result.residuals, result.poses[:, 0], result.landmarks[:, 0])
     )
@@ -114,7 +114,7 @@ def problem_of(scenes: dict[str, Array], name: str, folder: Path) -> bearslam.Pr
 def judge(scenes: dict[str, Array], name: str, sigma: float, folder: Path) -> Outcome:
     """Solve one scene, and refine it from the truth."""
     problem = problem_of(scenes, name, folder)
-    # The file numbers views and landmarks by first use; its names are the numbers of the scene.
+    # The file numbers views and landmarks by first use; their names are the indices in the scene.
     views, landmarks = (np.array(ids, dtype=int) for ids in (problem.view_ids, problem.landmark_ids))
     poses, points = scenes[f"{name}_true_poses"][views], scenes[f"{name}_true_landmarks"][landmarks]
     oracle = bearslam.refine(problem, (poses, points), sigma=sigma)

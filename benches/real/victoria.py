@@ -43,7 +43,7 @@ def chained(poses: Array, motions: Array) -> Array:
 
 
 def between(start: Array, end: Array) -> Array:
-    """Poses (k, 3) in the frames of others."""
+    """Poses (k, 3) in the frames of other poses."""
     c, s = np.cos(start[:, 2]), np.sin(start[:, 2])
     x, y = (end - start)[:, :2].T
     return np.column_stack([c * x + s * y, c * y - s * x, wrap(end[:, 2] - start[:, 2])])

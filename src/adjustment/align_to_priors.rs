@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map aligned with odometry and priors by a similarity.
+//! Alignment of a map with odometry and priors by a similarity.
 //!
-//! Bearings do not change when a map is moved, turned and scaled as a whole. So odometry and priors come as close
-//! as they can before anything is refined, and those that only fix the frame are then met exactly.
+//! Bearings do not change when a map is moved, turned and scaled as a whole. So a map is first aligned with odometry
+//! and priors as well as possible; priors that only define the datum are then satisfied exactly before the refinement.
 
 use super::bundle::Bundle;
 use super::elimination::kept_positions;
@@ -16,19 +16,20 @@ use nalgebra::{
     Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
 };
 
-/// Most steps of Gauss-Newton in the four numbers of a similarity. It converges in a few; this bounds the time.
+/// Maximum number of Gauss-Newton steps for the four parameters of a similarity. It converges in a few; this bounds the
+/// time.
 const STEPS: usize = 30;
 
-/// Most times that a step which does not lower the cost is quartered. Eight times are a factor of 65,536:
-/// then the cost is at its minimum, up to rounding.
+/// Maximum number of times that a step is quartered if it does not lower the cost. Eight are a factor of 65,536: the
+/// cost is then at its minimum, up to rounding.
 const QUARTERINGS: usize = 8;
 
-/// The descent ends when a step lowers the cost by less than this part of it: what is left is small beside what the
-/// refinement that follows will change.
+/// The descent ends when a step lowers the cost by less than this fraction of it: the rest is small beside what the
+/// following refinement changes.
 const TOLERANCE: f64 = 1e-12;
 
 /// The map after the similarity with the least cost of odometry and priors: the lowest minimum that is reached from
-/// the map as it is and from a few first guesses.
+/// the given map and from a few initial guesses.
 ///
 /// With bearings modulo pi each heading may be turned by pi as well, independently of the others.
 pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
@@ -58,8 +59,8 @@ fn cost(problem: &Problem, bundle: &Bundle) -> f64 {
     })
 }
 
-/// Turns headings that are known modulo pi by pi where that brings them nearer to their prior, or to what odometry
-/// predicts from the view before.
+/// Turns headings that are known modulo pi by pi where that brings them closer to their prior, or to the heading that
+/// odometry predicts from the previous view.
 fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     if problem.is_oriented() {
         return;
@@ -80,8 +81,8 @@ fn turn_round(problem: &Problem, bundle: &mut Bundle) {
     }
 }
 
-/// First guesses of the similarity: from the positions that priors know, and from their headings together with the
-/// lengths of motions.
+/// Initial guesses of the similarity: from the positions of priors, and from their headings together with the lengths
+/// of motions.
 fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
     let mut turn = Complex::new(0.0, 0.0);

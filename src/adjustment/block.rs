@@ -5,7 +5,7 @@
 use crate::float::Float;
 use crate::lm::ZERO_PIVOT_EPS;
 
-/// A block that is eliminated: its damped normal matrix, factorised, and its gradient.
+/// An eliminated block: its damped normal matrix, factorised, and its gradient.
 #[derive(Clone, Copy)]
 pub struct EliminatedBlock<const E: usize> {
     /// Its Cholesky factor L, diagonal inverted.
@@ -15,7 +15,7 @@ pub struct EliminatedBlock<const E: usize> {
 }
 
 impl<const E: usize> EliminatedBlock<E> {
-    /// The block of some sightings, each its derivative and residual; `None` when it is not finite.
+    /// The block of some sightings, given the derivative and residual of each; `None` when it is not finite.
     #[inline]
     pub fn of_rows(rows: impl Iterator<Item = ([f64; E], f64)>, damping: f64) -> Option<Self> {
         let mut hessian = [[0.0; E]; E];
@@ -33,11 +33,11 @@ impl<const E: usize> EliminatedBlock<E> {
         Some(block)
     }
 
-    /// Factor of `matrix` (lower triangle) with its diagonal grown by `1 + damping`.
+    /// Factor of `matrix` (lower triangle) with its diagonal multiplied by `1 + damping`.
     ///
-    /// A pivot that is rounding belongs to a direction that no sighting determines, such as the range of a
-    /// landmark at infinity. Its entry in the factor is zero, so that the direction gets no step and the others
-    /// are solved for as if it were not there. `None` for a matrix that is not finite.
+    /// A pivot that is only rounding belongs to a direction that no sighting determines, such as the range of a
+    /// landmark at infinity. Its entry in the factor is set to zero, so that the direction gets no step and the
+    /// others are solved for as if it did not exist. `None` for a matrix that is not finite.
     fn new(matrix: &[[f64; E]; E], damping: f64) -> Option<Self> {
         let mut factor = *matrix;
         for i in 0..E {
@@ -98,7 +98,7 @@ impl<const E: usize> EliminatedBlock<E> {
     /// The variance of the first two parameters together, those of other blocks held fixed, for residuals of unit
     /// variance; infinite when a direction of the block is free. Needs a block without damping.
     pub fn position_variance(&self) -> f64 {
-        // A zero in the factor is a free direction, not a known one.
+        // A zero in the factor marks a free direction, not a known one.
         if (0..E).any(|i| self.factor[i][i] <= 0.0) {
             return f64::INFINITY;
         }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks on the boundary of the space of maps: on a view, or at infinity.
 //!
-//! The least squares of bearings need not have a minimum. The cost may fall towards an infimum that no map
-//! attains: as a landmark slides onto a view, so that this one bearing is explained for free, or as it goes to
-//! infinity. On either boundary there is a smaller problem with a minimum of its own. A landmark that comes
-//! near one is put there; it stays while the cost is lower than before and rises from the boundary inwards,
-//! (T23), and otherwise the descent returns to where it left.
+//! Least squares on bearings need not have a minimum. The cost may fall towards an infimum that no map attains:
+//! as a landmark slides onto a view, which makes the residual of that bearing zero, or as it goes to infinity. On
+//! either boundary there is a smaller problem with a minimum of its own. A landmark that comes close to one is
+//! placed on it. It stays there if the cost is lower than before and rises from the boundary inwards, (T23);
+//! otherwise the descent returns to where it entered the boundary.
 
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::BundleAdjustment;
@@ -19,7 +19,7 @@ use nalgebra::{Point2, Vector2};
 // The first three constants decide only when a boundary is tried, which costs time; whether the landmark stays
 // there is decided by comparing costs.
 
-/// Range of a landmark from its nearest view, as a share of that from the next one, below which it is tried
+/// Range of a landmark from its nearest view, as a fraction of that from the next one, below which it is tried
 /// on that view.
 const TOUCHING: f64 = 0.05;
 
@@ -27,25 +27,24 @@ const TOUCHING: f64 = 0.05;
 /// beyond which it is tried at infinity.
 const FAR: f64 = 20.0;
 
-/// Share of its distance at the last attempt below which a landmark is tried again on a boundary that was not
-/// lower: each attempt is ten times nearer than the one before, so there are only a few.
+/// Fraction of its distance at the last attempt below which a landmark is tried again on a boundary that was not
+/// lower: each attempt is ten times closer than the one before, so there are only a few.
 const CLOSER: f64 = 0.1;
 
-/// Iterations that a boundary is given to come out lower than the inside: a bound on what an attempt in vain
-/// costs.
+/// Iterations within which a boundary must become lower than the interior: bounds the time of a failed attempt.
 const ATTEMPT: usize = 10;
 
 /// A part of the boundary of the space of maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Boundary {
-    /// The landmark of a sighting is on its view; the sighting by index.
+    /// The landmark of the sighting with this index is on its view.
     View(usize),
-    /// The landmark is at infinity.
+    /// The landmark with this index is at infinity.
     Infinity(usize),
 }
 
 impl Boundary {
-    /// The landmark that is there.
+    /// The landmark on this boundary.
     fn landmark(self, problem: &Problem) -> usize {
         match self {
             Self::View(sighting) => problem.sightings()[sighting].landmark,
@@ -54,10 +53,10 @@ impl Boundary {
     }
 }
 
-/// A boundary that is tried or kept, and where the descent has left for it.
+/// A boundary that is tried or kept, and the state before it was entered.
 struct BoundaryTrial {
     boundary: Boundary,
-    /// Distance of the landmark from the boundary, as a share: see [`TOUCHING`], and one over [`FAR`].
+    /// Relative distance of the landmark from the boundary: see [`TOUCHING`], and one over [`FAR`].
     distance: f64,
     /// The bundle before, and its cost.
     bundle: Bundle,
@@ -85,13 +84,13 @@ impl<'a> Boundaries<'a> {
         }
     }
 
-    /// The boundary that a landmark is on.
+    /// The boundary that a landmark is on, if any.
     pub fn of_landmark(&self, landmark: usize) -> Option<Boundary> {
         let mut boundaries = self.entered.iter().map(|trial| trial.boundary);
         boundaries.find(|boundary| boundary.landmark(self.problem) == landmark)
     }
 
-    /// The number of iterations at which the next run is to end, of `limit` in all.
+    /// The total number of iterations at which the next run must end, at most `limit`.
     pub fn limit_of_run(&self, adjustment: &BundleAdjustment<'_, '_>, limit: usize) -> usize {
         if self.is_undecided(adjustment.cost) {
             limit.min(adjustment.iterations + ATTEMPT)
@@ -100,15 +99,15 @@ impl<'a> Boundaries<'a> {
         }
     }
 
-    /// Whether the last boundary has yet to come out lower than the inside.
+    /// Whether the last boundary is not yet lower than the interior.
     fn is_undecided(&self, cost: f64) -> bool {
         self.entered.last().is_some_and(|last| cost >= last.cost)
     }
 
-    /// Looks for a landmark that is near a boundary, which [`Boundaries::enter_candidate`] then enters; whether
+    /// Looks for a landmark close to a boundary, for [`Boundaries::enter_candidate`] to enter; returns whether
     /// there is one.
     pub fn find_candidate(&mut self, bundle: &Bundle, rows: &Rows, cost: f64) -> bool {
-        // A line of sight goes on behind its view and beyond infinity: there is no boundary.
+        // A bearing modulo pi continues behind its view and through infinity: there is no boundary.
         if !self.problem.is_oriented() || self.is_undecided(cost) {
             return false;
         }
@@ -133,7 +132,7 @@ impl<'a> Boundaries<'a> {
         false
     }
 
-    /// The sighting of a landmark from its nearest view, and its range as a share of that from the next one.
+    /// The sighting of a landmark from its nearest view, and its range as a fraction of that from the next one.
     fn nearest_view(&self, landmark: usize, rows: &Rows) -> (usize, f64) {
         let rows = &rows.sightings;
         let (mut nearest, mut next) = ((f64::INFINITY, 0), f64::INFINITY);
@@ -149,7 +148,7 @@ impl<'a> Boundaries<'a> {
         (nearest.1, nearest.0 / next)
     }
 
-    /// Whether a boundary that may have been refused is worth an attempt from this distance.
+    /// Whether a boundary, which may have been refused before, is worth an attempt from this distance.
     fn may_try(&self, boundary: Boundary, distance: f64) -> bool {
         self.refused
             .iter()
@@ -157,7 +156,7 @@ impl<'a> Boundaries<'a> {
             .is_none_or(|(_, then)| distance < *then * CLOSER)
     }
 
-    /// Puts the landmark of the candidate onto its boundary; `false` when there is none.
+    /// Moves the landmark of the candidate onto its boundary; `false` when there is no candidate.
     pub fn enter_candidate(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
         let Some((boundary, distance)) = self.candidate.take() else {
             return false;
@@ -185,8 +184,8 @@ impl<'a> Boundaries<'a> {
         true
     }
 
-    /// Leaves the first boundary that is not lower than the inside, or from which the cost falls inwards, for
-    /// where it was entered, with all that were entered after it; `false` when there is none.
+    /// Undoes the first boundary that is not lower than the interior, or from which the cost falls inwards, and
+    /// all boundaries entered after it; `false` when there is none.
     pub fn leave_wrong(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
         let wrong = if self.is_undecided(adjustment.cost) {
             Some(self.entered.len() - 1)
@@ -205,7 +204,7 @@ impl<'a> Boundaries<'a> {
         true
     }
 
-    /// Whether the cost falls as the landmark leaves its boundary, against (T23).
+    /// Whether the cost falls as the landmark leaves its boundary, violating (T23).
     fn falls_inwards(&self, boundary: Boundary, adjustment: &BundleAdjustment<'_, '_>) -> bool {
         let bundle = &adjustment.bundle;
         let landmark = boundary.landmark(self.problem);
@@ -237,8 +236,8 @@ impl<'a> Boundaries<'a> {
         Vector2::new(ray.re, ray.im)
     }
 
-    /// Moves each landmark that is on a view off it along its measured bearing, by so little that the cost stays:
-    /// on the view it would have no bearing.
+    /// Moves each landmark that is on a view off it along its measured bearing, because on the view it has no
+    /// bearing; the distance is too small to change the cost.
     pub fn step_inside(&self, adjustment: &mut BundleAdjustment<'_, '_>) {
         for trial in &self.entered {
             if let Boundary::View(k) = trial.boundary {
@@ -252,7 +251,7 @@ impl<'a> Boundaries<'a> {
     }
 }
 
-/// Whether a landmark is so near to a boundary that the minimum may lie there.
+/// Whether a landmark is so close to a boundary that the minimum may lie there.
 pub fn near_boundary(adjustment: &BundleAdjustment<'_, '_>) -> bool {
     Boundaries::new(adjustment.problem).find_candidate(
         &adjustment.bundle,

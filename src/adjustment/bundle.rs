@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! All poses and landmarks of a problem as one bundle of parameters, and its residuals linearised.
+//! All poses and landmarks of a problem as one set of parameters, and the residuals linearised.
 
 use super::prior_rows::{PriorRow, linearize};
 use crate::error::Error;
@@ -25,7 +25,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Room for those of a problem.
+    /// Empty, with capacity for a problem.
     pub fn of(problem: &Problem) -> Self {
         Self {
             sightings: Vec::with_capacity(problem.sightings().len()),
@@ -74,7 +74,7 @@ impl Bundle {
         unit(views, self.landmarks.iter().map(|point| point.coords))
     }
 
-    /// Brings landmarks beyond the horizon, which cannot be told from infinity, back to it.
+    /// Moves landmarks beyond the horizon, which are indistinguishable from infinity, back to it.
     pub fn bring_in(&mut self) {
         if let Some(home) = self.poses.first() {
             for point in &mut self.landmarks {
@@ -83,7 +83,7 @@ impl Bundle {
         }
     }
 
-    /// Moves all of it by a similarity.
+    /// Transforms everything by a similarity.
     pub fn transform(&mut self, similarity: &Similarity2<f64>) {
         for pose in &mut self.poses {
             *pose = transform_pose(similarity, pose);
@@ -140,7 +140,7 @@ impl Bundle {
         sum
     }
 
-    /// Moves a landmark towards its best place for the poses as they are, see [`optimize_landmark`].
+    /// Moves a landmark towards its best position with the poses held fixed, see [`optimize_landmark`].
     pub fn optimize_landmark(&mut self, problem: &Problem, loss: Loss, landmark: usize) {
         let model = sighting_model(problem, loss);
         if model.is_plain() {
@@ -167,11 +167,11 @@ impl Bundle {
         self.landmarks[landmark] = best;
     }
 
-    /// Applies a step: positions are added to, headings turned.
+    /// Applies a step: adds to positions and rotates headings.
     pub fn step(&self, poses: &[Vector3<f64>], landmarks: &[Vector2<f64>], result: &mut Self) {
         for ((to, from), step) in result.poses.iter_mut().zip(&self.poses).zip(poses) {
             let turned = from.rotation.into_inner() * UnitComplex::new(step.z).into_inner();
-            // First-order normalisation keeps rounding from adding up.
+            // First-order normalisation, so that rounding does not accumulate.
             let scale = (3.0 - turned.norm_sqr()) * 0.5;
             *to = Pose::from_parts(
                 Translation2::from(from.translation.vector + step.xy()),
@@ -205,7 +205,7 @@ mod tests {
         value.as_array().unwrap().iter().map(row).collect()
     }
 
-    /// Derivatives by a complex step or differences, from the project's plain script.
+    /// Derivatives by a complex step or differences, from the project's reference script.
     #[test]
     fn derivatives_are_those_of_the_reference() {
         let text = include_str!("../../tests/data/reference.json");
@@ -242,7 +242,7 @@ mod tests {
         }
     }
 
-    /// Residual and derivatives belong together: differences of the one are the other.
+    /// The derivatives agree with differences of the residuals.
     #[test]
     fn derivatives_are_differences_of_residuals() {
         let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4];

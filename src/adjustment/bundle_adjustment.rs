@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The bundle as a problem for the one loop of Levenberg-Marquardt, with any of the three solvers for its steps.
+//! Bundle adjustment as a problem for the Levenberg-Marquardt loop, with any of the three solvers for its steps.
 
 use super::bundle::{Bundle, Rows};
 use crate::error::Error;
 use crate::lm::{LeastSquares, Observer, RefineOptions, Termination, Trial, minimize, rounding};
 use crate::problem::Problem;
 
-/// What solves for the steps of a bundle.
+/// A solver for the steps of a bundle.
 pub trait StepSolver {
     /// Solves for the step at a damping and writes the bundle after it into `result`.
     ///
-    /// Returns by how much its model expects the cost to fall; `None` when the system is not positive
+    /// Returns the decrease of the cost that the model predicts; `None` when the system is not positive
     /// definite.
     fn solve(
         &mut self,
@@ -36,7 +36,7 @@ pub trait StepSolver {
     }
 }
 
-/// A bundle that is adjusted to its problem.
+/// The state of a bundle adjustment.
 pub struct BundleAdjustment<'a, 'w> {
     pub problem: &'a Problem,
     pub options: &'a RefineOptions,
@@ -88,13 +88,13 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
         })
     }
 
-    /// Linearises the bundle again, after it has been changed by other means than a step.
+    /// Linearises the bundle again after a change other than a step.
     pub fn relinearize(&mut self) {
         let loss = self.options.loss;
         self.cost = self.bundle.linearize(self.problem, loss, &mut self.rows);
     }
 
-    /// Descends until it ends, the solver wants a pause, or the iterations in all reach `limit`.
+    /// Descends until it terminates, the solver wants a pause, or the total number of iterations reaches `limit`.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when the observer says so.
@@ -125,7 +125,7 @@ impl<'a, 'w> BundleAdjustment<'a, 'w> {
     }
 }
 
-/// A bundle with what solves for its steps.
+/// A bundle adjustment with the solver for its steps.
 struct Stepped<'s, 'a, 'w, S: StepSolver> {
     adjustment: &'s mut BundleAdjustment<'a, 'w>,
     solver: &'s mut S,

@@ -6,12 +6,11 @@ use crate::float::Float;
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Replaces the lower triangle of a row-major `n x n` matrix by its Cholesky
-/// factor with inverted diagonal.
+/// Replaces the lower triangle of a row-major `n x n` matrix by its Cholesky factor with inverted diagonal.
 ///
 /// `false` when a pivot is not positive: the matrix is not positive definite in this arithmetic.
 pub fn factorize(matrix: &mut [f64], n: usize) -> bool {
-    // Two rows at a time against two rows: each number loaded serves twice.
+    // Two rows at a time against two rows, so that each number loaded is used twice.
     let even = n - n % 2;
     for i in (0..even).step_by(2) {
         let (above, rest) = matrix.split_at_mut(i * n);
@@ -123,7 +122,7 @@ pub fn inverse_diagonal(factor: &[f64], n: usize) -> Vec<f64> {
     (0..n).map(squares).collect()
 }
 
-/// Inner product with four interleaved sums: a fixed order that fits the vector registers.
+/// Inner product with four interleaved sums: a fixed order that suits vector registers.
 #[inline]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];

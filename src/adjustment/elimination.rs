@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which kind of block is eliminated, poses or landmarks: the sightings grouped by it, and the gauge of the kind
-//! that stays.
+//! The choice of the blocks to eliminate, poses or landmarks: the sightings grouped by them, and the gauge of the
+//! blocks that are kept.
 
 use super::bundle::Bundle;
 use super::schur::{Grouped, Slot};
@@ -12,7 +12,7 @@ use crate::problem::Problem;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector2};
 
-/// Whether poses are eliminated and landmarks kept: where that leaves the smaller system.
+/// Whether poses are eliminated and landmarks kept, because that leaves the smaller system.
 pub fn keeps_landmarks(problem: &Problem) -> bool {
     2 * problem.landmarks() <= 3 * problem.views()
 }
@@ -23,7 +23,7 @@ pub struct GroupedSightings<'a> {
     pub rows: &'a [BearingRow],
 }
 
-/// Grouped by view: poses go, landmarks stay.
+/// Grouped by view: poses are eliminated, landmarks kept.
 impl Grouped<3, 2> for GroupedSightings<'_> {
     fn groups(&self) -> usize {
         self.problem.views()
@@ -52,7 +52,7 @@ impl Grouped<3, 2> for GroupedSightings<'_> {
     }
 }
 
-/// Grouped by landmark: landmarks go, poses stay.
+/// Grouped by landmark: landmarks are eliminated, poses kept.
 impl Grouped<2, 3> for GroupedSightings<'_> {
     fn groups(&self) -> usize {
         self.problem.landmarks()
@@ -77,13 +77,13 @@ impl Grouped<2, 3> for GroupedSightings<'_> {
     }
 }
 
-/// The directions of translation, rotation and scaling of the blocks that stay, (T14): orthonormal rows.
+/// The directions of translation, rotation and scale of the kept blocks, (T14): orthonormal rows.
 pub fn gauge<const K: usize>(bundle: &Bundle) -> DMatrix<f64> {
     let points = kept_positions::<K>(bundle);
     let count = points.len() as f64;
     let centre = centroid(&points);
     let spread = spread(&points);
-    // Norms of the four directions; headings turn along.
+    // Norms of the four directions; a rotation changes headings as well.
     let turned = if K == 2 { spread } else { spread + count };
     let [shift, turn, grow] = [count, turned, spread].map(|square| {
         if square > 0.0 {
@@ -108,7 +108,7 @@ pub fn gauge<const K: usize>(bundle: &Bundle) -> DMatrix<f64> {
     directions
 }
 
-/// The positions of the blocks that stay: landmarks for `K` = 2, views for `K` = 3.
+/// The positions of the kept blocks: landmarks for `K` = 2, views for `K` = 3.
 pub fn kept_positions<const K: usize>(bundle: &Bundle) -> Vec<Vector2<f64>> {
     if K == 2 {
         bundle.landmarks.iter().map(|p| p.coords).collect()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The gauge: of translation, rotation and scale of the whole map, what odometry and priors leave free.
+//! The gauge: the part of translation, rotation and scale of the whole map that odometry and priors leave free.
 
 use super::bundle::Bundle;
 use super::prior_rows::linearize;
@@ -12,15 +12,15 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix4, Similarity2, Translation2, UnitComplex, Vector2, Vector4};
 
 /// A residual of odometry or a prior does not depend on the gauge when its derivative along it is below this
-/// share of the terms that cancel in it: far above rounding, far below any real dependence.
+/// fraction of the terms that cancel in it: far above rounding, far below any real dependence.
 const UNCHANGED: f64 = 1e-9;
 
-/// Eigenvalues below this share of the largest are zero: rounding of a 4x4 matrix that is a sum of squares. The root
-/// of it, 3e-7, is the weakest dependence on the gauge that counts beside the strongest.
+/// Eigenvalues below this fraction of the largest are zero: rounding of a 4x4 matrix that is a sum of squares. Its
+/// root, 3e-7, is the weakest dependence on the gauge, relative to the strongest, that counts.
 const ROUNDING: f64 = 1e-13;
 
-/// The directions of all parameters (poses, then landmarks) along which neither bearings nor odometry nor priors
-/// change: up to four, (T26).
+/// The directions in the space of all parameters (poses, then landmarks) along which neither bearings nor odometry
+/// nor priors change: up to four, (T26).
 ///
 /// They are combinations of the two translations, the rotation and the scaling about the centroid, scaled to
 /// entries of about 1.
@@ -74,7 +74,7 @@ fn unconstrained(
     for prior in problem.priors() {
         let row = linearize(prior, &bundle.poses, &bundle.landmarks);
         for k in 0..3 {
-            // The change of a residual along each of the four, and the size of what cancels in it.
+            // The change of a residual along each of the four, and the size of the terms that cancel in it.
             let (mut change, mut size) = ([0.0; 4], [0.0_f64; 4]);
             for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
                 let position = match subject {
@@ -110,8 +110,8 @@ fn unconstrained(
 
 /// One parameter for each of the given directions, so that fixing these parameters fixes the directions.
 ///
-/// Chosen by elimination with complete pivoting, entries in units of the parameter's conditional standard
-/// deviation; `information` is one over its square.
+/// They are chosen by elimination with complete pivoting, with entries in units of the parameter's conditional
+/// standard deviation; `information` is one over its square.
 pub fn anchors(directions: &[Vec<f64>], information: impl Fn(usize) -> f64) -> Vec<usize> {
     let mut rest: Vec<Vec<f64>> = directions.to_vec();
     let mut chosen = Vec::new();
@@ -143,7 +143,7 @@ pub fn anchors(directions: &[Vec<f64>], information: impl Fn(usize) -> f64) -> V
     chosen
 }
 
-/// A map in the frame in which it is reported: what odometry and priors of the problem leave free is fixed
+/// A map in the frame in which it is reported: the part of the gauge that odometry and priors leave free is fixed
 /// as in [`Map::normalized`].
 pub fn in_reported_frame(problem: &Problem, map: &Map) -> Map {
     let mut framed = if problem.priors().is_empty() {
@@ -179,7 +179,7 @@ pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
     (gauge_directions(&active, &bundle).len(), numbers.sum())
 }
 
-/// What of the gauge odometry and priors fix, told by their kind alone.
+/// The part of the gauge that odometry and priors fix, judged by their kinds alone.
 #[derive(Clone, Debug)]
 pub struct FixedByPriors {
     /// Subjects whose position is known, at most two: two known positions fix everything.
@@ -189,7 +189,7 @@ pub struct FixedByPriors {
 }
 
 impl FixedByPriors {
-    /// What the odometry and priors of a problem fix.
+    /// What odometry and priors of a problem fix.
     pub fn of(problem: &Problem) -> Self {
         let mut fixed = Self {
             points: Vec::new(),
@@ -219,8 +219,8 @@ impl FixedByPriors {
         }
     }
 
-    /// The similarity that brings a map into the frame in which it is reported: of what is not fixed, the
-    /// first view is at the origin with heading 0, and the root-mean-square distance of the other
+    /// The similarity that brings a map into the frame in which it is reported: as far as the gauge is not
+    /// fixed, the first view is at the origin with heading 0, and the root-mean-square distance of the other
     /// views from it is 1. `None` when the views are in one place.
     pub fn frame(&self, bundle: &Bundle) -> Option<Similarity2<f64>> {
         let first = bundle.poses.first()?;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Newton's method on the full problem, for descents that are slow with Gauss-Newton.
 //!
-//! Where the bearings hardly determine a direction of the map, the curvature that Gauss-Newton leaves out decides
-//! the step. A landmark that the descent drives onto a view or towards infinity is put there meanwhile, which
-//! leaves it fewer parameters, or none: see [`Boundaries`].
+//! Where the bearings hardly determine a direction of the map, the curvature that Gauss-Newton neglects decides the
+//! step. A landmark that the descent drives onto a view or towards infinity is placed on that boundary, where it has
+//! fewer parameters or none: see [`Boundaries`].
 
 use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
@@ -16,11 +16,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{UnitComplex, Vector2, Vector3};
 
-/// Most parameters for which the full matrix is formed: three square matrices of two megabytes each, and some
-/// ten milliseconds for a factor.
+/// Maximum number of parameters for which the full matrix is formed: three square matrices of two megabytes each, and
+/// some ten milliseconds for a factorisation.
 pub const MAX_FULL: usize = 512;
 
-/// Ends an adjustment by Newton's method, with landmarks on boundaries where that is lower.
+/// Completes an adjustment by Newton's method, with landmarks on boundaries where that lowers the cost.
 ///
 /// # Errors
 /// As [`BundleAdjustment::run`].
@@ -46,7 +46,7 @@ pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, 
     }
 }
 
-/// Where the parameters of a landmark begin.
+/// Index of the first parameter of a landmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum NewtonColumn {
     /// Two coordinates of its own.
@@ -63,11 +63,11 @@ enum NewtonColumn {
 struct Newton<'a> {
     problem: &'a Problem,
     boundaries: Boundaries<'a>,
-    /// Of each landmark.
+    /// The columns of each landmark.
     columns: Vec<NewtonColumn>,
     /// `J^T J`, with a stiffness along the gauge.
     normal: Vec<f64>,
-    /// The same with the second derivatives of the residuals.
+    /// The Hessian: the same plus the second derivatives of the residuals.
     curved: Vec<f64>,
     /// The Cholesky factor of one of them, damped.
     factor: Vec<f64>,
@@ -92,7 +92,7 @@ impl<'a> Newton<'a> {
         newton
     }
 
-    /// Gives every landmark its parameters.
+    /// Assigns the parameters of every landmark.
     fn number_parameters(&mut self) {
         let mut count = 3 * self.problem.views();
         self.columns.clear();
@@ -124,7 +124,8 @@ impl<'a> Newton<'a> {
         for (s, row) in self.problem.sightings().iter().zip(rows) {
             let p = 3 * s.view;
             let [gx, gy]: [f64; 2] = row.gradient.into();
-            // Second derivatives by the landmark; by the position the same, by both the negative.
+            // Second derivatives with respect to the landmark; those for the position of the view are the same, mixed
+            // ones the negative.
             let bend = row.residual / row.weight;
             let cross = bend * -2.0 * gx * gy;
             let square = bend * (gx * gx - gy * gy);
@@ -163,8 +164,8 @@ impl<'a> Newton<'a> {
         }
     }
 
-    /// Gives the directions of the gauge the stiffness of an average parameter. Nothing pulls along them, so
-    /// this fixes the gauge and, without damping, changes nothing else.
+    /// Gives the directions of the gauge the stiffness of an average parameter. The gradient along them is zero,
+    /// so this fixes the gauge and, without damping, changes nothing else.
     fn stiffen_gauge(&mut self, bundle: &Bundle) {
         let size = self.gradient.len();
         let trace = (0..size).fold(0.0, |sum, k| sum + self.normal[k * size + k]);
@@ -179,7 +180,7 @@ impl<'a> Newton<'a> {
         }
     }
 
-    /// Translations, rotation and scaling of views and landmarks, as directions of the parameters.
+    /// Translations, rotation and scaling of views and landmarks, as directions in parameter space.
     fn gauge(&self, bundle: &Bundle) -> [Vec<f64>; 4] {
         let mut directions = [(); 4].map(|()| vec![0.0; self.gradient.len()]);
         let mut add = |place: usize, position: &Vector2<f64>| {
@@ -209,8 +210,8 @@ impl<'a> Newton<'a> {
         directions
     }
 
-    /// Solves for the step with `curved` or the normal matrix, damped; returns the fall of the cost that it predicts,
-    /// or `None` when the matrix is not positive definite.
+    /// Solves for the step with the Hessian (`curved`) or the normal matrix, damped. Returns the predicted decrease of
+    /// the cost; `None` when the matrix is not positive definite.
     fn solve_with(&mut self, damping: f64, curved: bool) -> Option<f64> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
@@ -313,7 +314,7 @@ mod tests {
         (bundle, newton)
     }
 
-    /// The curved matrix without the gauge is the derivative of the gradient.
+    /// The Hessian without the stiffness of the gauge is the derivative of the gradient.
     #[test]
     fn second_derivatives_are_differences_of_the_gradient() {
         let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
@@ -331,7 +332,7 @@ mod tests {
         let size = newton.gradient.len();
         assert_eq!(size, 9 + 2 + 1);
         let mut curved = newton.curved.clone();
-        // What the gauge has added to the matrix it has added to the plain one as well.
+        // The stiffness of the gauge in the Hessian is that in the normal matrix.
         let trace: f64 = {
             let plain: f64 = rows
                 .sightings

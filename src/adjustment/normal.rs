@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The sparse normal equations of everything: bearings, odometry, priors.
+//! The sparse normal equations of bearings, odometry and priors.
 //!
 //! Parameters are numbered views first (x, y, heading), then landmarks (x, y). The gauge is fixed by anchors: as many
-//! single parameters as it has directions, each given more weight. The gradient is at right angles to the gauge, so
-//! anchors choose the step along it and change nothing else; and unlike constraints they keep the matrix sparse.
+//! single parameters as it has directions, each given more weight. The gradient is orthogonal to the gauge, so anchors
+//! choose the step along it and change nothing else; and unlike constraints they keep the matrix sparse.
 
 use super::bundle::{Bundle, Rows};
 use super::bundle_adjustment::StepSolver;
@@ -16,13 +16,13 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Vector2, Vector3};
 
-/// A column of blocks: all parameters of one subject.
+/// A block column: all parameters of one subject.
 #[derive(Clone, Copy)]
 struct Column {
-    /// Number of its first parameter, and of its parameters.
+    /// Index of its first parameter, and number of its parameters.
     parameter: usize,
     width: usize,
-    /// Where its values begin, and how many each of its columns has.
+    /// Start of its values, and number of values in each of its columns.
     start: usize,
     height: usize,
 }
@@ -30,16 +30,16 @@ struct Column {
 /// The matrix `J^T J` and the gradient `J^T r`.
 pub struct Normal<'a> {
     problem: &'a Problem,
-    /// Of views, then of landmarks.
+    /// Those of views, then of landmarks.
     columns: Vec<Column>,
-    /// Of each sighting: the number of entries in its view's column before the block of its landmark.
+    /// For each sighting, the number of entries in its view's column before the block of its landmark.
     sighting_row: Vec<usize>,
-    /// The same of each motion, for the block of the later view; 0 for a prior.
+    /// The same for each motion and the block of its later view; 0 for a prior.
     tie_row: Vec<usize>,
     /// The lower triangle of the matrix.
     values: Vec<f64>,
     gradient: Vec<f64>,
-    /// The same damped and with anchors, as it is factorised.
+    /// The values with damping and anchors, as they are factorised.
     held: Vec<f64>,
     /// Parameters that fix the gauge.
     anchors: Vec<usize>,
@@ -50,10 +50,10 @@ pub struct Normal<'a> {
 }
 
 impl<'a> Normal<'a> {
-    /// The pattern of a problem; `None` when there is not enough memory.
+    /// Analyses the pattern of a problem; `None` when there is not enough memory.
     pub fn new(problem: &'a Problem) -> Option<Self> {
         let (views, landmarks) = (problem.views(), problem.landmarks());
-        // For each view the later views that a motion connects with it.
+        // For each view, the later views that a motion connects with it.
         let mut partners = vec![Vec::new(); views];
         let mut known = vec![false; landmarks];
         for prior in problem.priors() {
@@ -136,7 +136,7 @@ impl<'a> Normal<'a> {
         }
     }
 
-    /// Forms matrix and gradient, and chooses the anchors for directions that are `free`.
+    /// Forms matrix and gradient, and chooses anchors for the directions of the gauge (`free`).
     pub fn assemble(&mut self, rows: &Rows, free: &[Vec<f64>]) {
         self.values.fill(0.0);
         self.gradient.fill(0.0);
@@ -211,7 +211,7 @@ impl<'a> Normal<'a> {
         }
     }
 
-    /// Where a parameter's entry of the diagonal is.
+    /// Index of a parameter's diagonal entry.
     fn place(&self, parameter: usize) -> usize {
         let views = self.problem.views();
         let (subject, c) = if parameter < 3 * views {
@@ -224,19 +224,19 @@ impl<'a> Normal<'a> {
         column.start + c * column.height + c
     }
 
-    /// Information about a parameter when all others are known.
+    /// Conditional information of a parameter, with all others known.
     pub fn diagonal(&self, parameter: usize) -> f64 {
         self.values[self.place(parameter)]
     }
 
-    /// Factorises with the diagonal grown by `1 + damping`, and the anchors; `false` when it is not
+    /// Factorises with the diagonal multiplied by `1 + damping`, and the anchors; `false` when the matrix is not
     /// positive definite.
     pub fn factorize(&mut self, damping: f64) -> bool {
         self.held.clone_from(&self.values);
         for parameter in 0..self.size() {
             let place = self.place(parameter);
             let value = self.values[place];
-            // A parameter on which no residual depends, as with a loss, gets no step.
+            // A parameter on which no residual depends, for example because of the loss, gets no step.
             self.held[place] = if value > 0.0 {
                 value * (1.0 + damping)
             } else {
@@ -250,7 +250,7 @@ impl<'a> Normal<'a> {
         self.cholesky.factorize(&self.held)
     }
 
-    /// Solves with the last factor, in place, for sides that lie one after the other.
+    /// Solves in place with the last factor, for right-hand sides stored one after the other.
     pub fn solve(&self, sides: &mut [f64]) {
         self.cholesky.solve(sides);
     }

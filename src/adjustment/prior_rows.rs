@@ -5,7 +5,7 @@ use crate::geometry::{Pose, signed_angle};
 use crate::problem::{Prior, Subject};
 use nalgebra::{Point2, Vector2};
 
-/// Odometry or a prior linearised: residuals and derivatives, all times the root of the information.
+/// Odometry or a prior linearised: residuals and derivatives, all multiplied by the square root of the information.
 ///
 /// For a landmark the third row and column are zero.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +18,7 @@ pub struct PriorRow {
 
 /// Linearises odometry or a prior, (T25).
 ///
-/// Odometry: `e = Z^-1 (P_i^-1 P_j)` as `(x, y, theta)`. Priors: estimate less prior in the map frame.
+/// Odometry: `e = Z^-1 (P_i^-1 P_j)` as `(x, y, theta)`. Priors: estimate minus prior in the map frame.
 pub fn linearize(prior: &Prior, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) -> PriorRow {
     match prior {
         Prior::Motion {
@@ -29,7 +29,7 @@ pub fn linearize(prior: &Prior, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) 
         } => {
             let (from, to) = (&poses[*start], &poses[*end]);
             let error = delta.inv_mul(&from.inv_mul(to));
-            // Turns a step of the map frame into the frame of the measured end.
+            // Rotates a step in the map frame into the frame of the measured end.
             let back = (from.rotation * delta.rotation).inverse().into_inner();
             let (c, s) = (back.re, back.im);
             let offset = to.translation.vector - from.translation.vector;
@@ -82,7 +82,7 @@ impl PriorRow {
         self.residual.iter().fold(0.0, |sum, r| sum + *r * *r)
     }
 
-    /// The number of residuals that count: those with a derivative that is not zero.
+    /// The number of residuals that have weight: those with a non-zero derivative.
     pub fn count(&self) -> usize {
         let weighs = |row: &&[f64; 3]| row.iter().any(|entry| *entry != 0.0);
         self.first.1.iter().filter(weighs).count()
@@ -95,8 +95,8 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
     })
 }
 
-/// The product of a root of information with a residual. What has no weight adds nothing, even where the residual
-/// is infinite.
+/// The product of a square root of information with a residual. Entries without weight add nothing, even where the
+/// residual is infinite.
 fn whitened(root: &[[f64; 3]; 3], residual: [f64; 3]) -> [f64; 3] {
     root.map(|row| {
         row.iter()

@@ -15,14 +15,14 @@ use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
 
-/// Largest dense system, in unknowns that are kept: below it the dense system was measured to be faster.
+/// Largest reduced system, in unknowns, that is solved densely: up to it that was measured to be faster.
 const MAX_DENSE: usize = 600;
 
-/// Iterations after which Gauss-Newton counts as slow and Newton's method goes on: from good starts it converges
-/// in fewer.
+/// Iterations after which Gauss-Newton counts as slow and Newton's method takes over: from good starts fewer are
+/// enough.
 const SOON: usize = 8;
 
-/// What a refinement did.
+/// The summary of a refinement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// Half the sum of the losses of residuals over sigma and of the squares of odometry and priors.
@@ -33,21 +33,22 @@ pub struct Report {
     pub iterations: usize,
     /// Views and landmarks that had no start or too few sightings, and why.
     pub undetermined: Vec<Undetermined>,
-    /// How residuals have counted.
+    /// The loss that was applied to the residuals.
     pub loss: Loss,
 }
 
-/// Refines a map in place: the least sum of squared wrapped bearing residuals over sigma.
+/// Refines a map in place: minimises the sum of squared wrapped bearing residuals over sigma, under the loss of
+/// the options, plus the squares of odometry and priors.
 ///
 /// Views and landmarks without a value are left out, as are those that the rest does not determine; they
-/// are listed in the report. The gauge is free and drifts a little with damped steps; fix it
-/// afterwards with [`Map::normalized`].
+/// are listed in the report. The gauge is free and drifts slightly with damped steps; fix it afterwards
+/// with [`Map::normalized`].
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
-/// three sightings are left, [`Error::NotFinite`] when the start is not finite,
-/// [`Error::Degenerate`] when it is a single place, [`Error::OutOfMemory`] when it does not hold the
-/// normal equations, [`Error::Interrupted`] when `observer` says so.
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no view of the
+/// start is determined, [`Error::NotFinite`] when the start is not finite, [`Error::Degenerate`] when all of it
+/// is in one place, [`Error::OutOfMemory`] when the normal equations do not fit into memory,
+/// [`Error::Interrupted`] when `observer` says so.
 ///
 /// # Reference
 /// B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000; K. Madsen et al., "Methods for
@@ -63,7 +64,7 @@ pub fn refine_map(
     let mut bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {
         return Err(Error::TooFew {
-            what: "views of the start that see three landmarks of it",
+            what: "views of the start that see at least three of its landmarks",
             needed: 1,
             got: 0,
         });
@@ -78,7 +79,7 @@ pub fn refine_map(
     let unit = bundle.unit()?;
     bundle.scale(1.0 / unit);
     bundle.bring_in();
-    // Odometry and priors have units, too.
+    // Odometry and priors have a unit of length, too.
     let scaled;
     let active = if active.priors().is_empty() {
         active
@@ -111,14 +112,14 @@ pub fn refine_map(
     })
 }
 
-/// The cost of a map: half the sum of the losses of residuals over sigma between what it determines, and
-/// of the squares of odometry and priors.
+/// The cost of the determined part of a map: half the sum of the losses of residuals over sigma, and of the
+/// squares of odometry and priors.
 pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
     let active = map.restrict(problem);
     Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
 }
 
-/// The part of the cost that odometry and priors have.
+/// The part of the cost that comes from odometry and priors.
 pub fn cost_of_priors(problem: &Problem, map: &Map) -> f64 {
     if problem.priors().is_empty() {
         return 0.0;
@@ -131,24 +132,24 @@ pub fn cost_of_priors(problem: &Problem, map: &Map) -> f64 {
     }) * 0.5
 }
 
-/// Whether a problem is solved by the sparse equations of everything rather than by the dense ones that are left when
-/// one kind of block is eliminated.
+/// Whether a problem is solved by the sparse normal equations of all unknowns rather than by the dense ones that
+/// remain after eliminating poses or landmarks.
 ///
-/// Odometry couples poses, which then cannot be eliminated one by one, and priors fix part of the gauge. Otherwise
-/// size decides.
+/// Odometry couples poses, which then cannot be eliminated one by one, and priors fix part of the gauge: such
+/// problems are sparse. Otherwise the size decides.
 pub fn is_sparse(problem: &Problem) -> bool {
     let kept = (2 * problem.landmarks()).min(3 * problem.views());
     !problem.priors().is_empty() || kept > MAX_DENSE
 }
 
-/// By the sparse normal equations.
+/// Minimises by the sparse normal equations.
 fn minimize_sparse(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
     let mut normal = Normal::new(adjustment.problem).ok_or(Error::OutOfMemory)?;
     adjustment.run(&mut normal, adjustment.options.max_iterations)
 }
 
-/// With blocks of size `E` eliminated and blocks of size `K` kept; small problems that do not converge soon
-/// go on with Newton's method.
+/// Minimises with blocks of size `E` eliminated and blocks of size `K` kept; small problems that do not converge
+/// soon continue with Newton's method.
 fn minimize_reduced<const E: usize, const K: usize>(
     adjustment: &mut BundleAdjustment<'_, '_>,
 ) -> Result<Termination, Error>
@@ -176,11 +177,11 @@ where
     }
 }
 
-/// The normal equations of Gauss-Newton, reduced.
+/// The reduced normal equations of Gauss-Newton.
 struct Reduced<'a, const E: usize, const K: usize> {
     problem: &'a Problem,
     schur: Schur<E, K>,
-    /// Blocks that stay and blocks that went.
+    /// Steps of the kept and of the eliminated blocks.
     step: (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>),
 }
 
@@ -215,7 +216,7 @@ where
     }
 }
 
-/// A step, as blocks that stay and blocks that went.
+/// A step, as those of the kept and of the eliminated blocks.
 trait Step {
     /// The bundle after the step.
     fn apply(&self, bundle: &Bundle, result: &mut Bundle);

@@ -1,66 +1,66 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Elimination of one kind of block from the damped normal equations, (T13).
+//! Schur complement: elimination of poses or landmarks from the damped normal equations, (T13).
 //!
-//! A sighting ties one pose to one landmark, so either all poses (3x3 blocks) or all landmarks (2x2
-//! blocks) can be eliminated one by one, whichever leaves the smaller system. The text is the same:
-//! `E` is the size of the blocks that go, `K` that of the blocks that stay.
+//! A sighting connects one pose with one landmark, so either all poses (3x3 blocks) or all landmarks (2x2
+//! blocks) can be eliminated one by one, whichever leaves the smaller system. The code is the same for
+//! both: `E` is the size of the eliminated blocks, `K` that of the kept blocks.
 
 use super::block::{EliminatedBlock, dot};
 use super::cholesky;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, SVector};
 
-/// The coupling is formed by a matrix product when at least one in this many of all pairs of blocks meets in a
-/// sighting, and block by block otherwise. It decides about time only.
+/// The coupling is formed by a matrix product when at least one in this many of all pairs of blocks shares a
+/// sighting, and block by block otherwise. It affects time only.
 const DENSE_FILL: usize = 8;
 
-/// Groups that one matrix product takes: enough for the product to be fast, few enough for the two factors to stay
-/// in the cache.
+/// Groups in one matrix product: enough for the product to be fast, few enough for the two factors to stay in the
+/// cache.
 const BATCH: usize = 64;
 
-/// A sighting as the elimination sees it.
+/// A sighting in the form needed by the elimination.
 #[derive(Clone, Copy)]
 pub struct Slot<const E: usize, const K: usize> {
-    /// Index of the block that stays.
+    /// Index of the kept block.
     pub kept: usize,
-    /// Derivative with respect to the block that goes.
+    /// Derivative with respect to the eliminated block.
     pub gone: [f64; E],
-    /// Derivative with respect to the block that stays.
+    /// Derivative with respect to the kept block.
     pub stay: [f64; K],
     /// The residual.
     pub residual: f64,
 }
 
-/// The sightings grouped by the block that goes; within a group by ascending `kept`.
+/// The sightings grouped by eliminated block; within a group by ascending `kept`.
 pub trait Grouped<const E: usize, const K: usize> {
-    /// Number of blocks that go.
+    /// Number of eliminated blocks.
     fn groups(&self) -> usize;
     /// Number of sightings.
     fn sightings(&self) -> usize;
-    /// Number of blocks that stay.
+    /// Number of kept blocks.
     fn kept(&self) -> usize;
     /// The sightings of one group.
     fn group(&self, group: usize) -> impl Iterator<Item = Slot<E, K>>;
 }
 
-/// The reduced system, and what is needed to bring back the blocks that went.
+/// The reduced system, and what is needed for the back-substitution of the eliminated blocks.
 pub struct Schur<const E: usize, const K: usize> {
     /// The reduced matrix, then its Cholesky factor in the upper triangle (column by column, which is
     /// the lower triangle row by row).
     matrix: DMatrix<f64>,
     /// Minus the reduced gradient, then the step.
     step: Vec<f64>,
-    /// The blocks on the diagonal of what stays, before elimination and damping.
+    /// The diagonal blocks of the kept part, before elimination and damping.
     diagonal: Vec<[[f64; K]; K]>,
-    /// Factors of the blocks that went.
+    /// Factors of the eliminated blocks.
     blocks: Vec<EliminatedBlock<E>>,
-    /// The sightings of the group at work, each with `L^-1 gone`: for groups that see little.
+    /// The sightings of the current group, each with `L^-1 gone`; for groups with few sightings.
     slots: Vec<(Slot<E, K>, [f64; E])>,
-    /// Of some groups: `L^-1 gone` times `stay`, a column per parameter that stays, `E` rows per group.
+    /// For some groups, `L^-1 gone` times `stay`: a column per kept parameter, `E` rows per group.
     batch: DMatrix<f64>,
-    /// The same transposed, which makes the product a plain one.
+    /// The same transposed, so that the product needs no transposition.
     transposed: DMatrix<f64>,
-    /// Groups in `batch`.
+    /// Number of groups in `batch`.
     batched: usize,
 }
 
@@ -80,9 +80,9 @@ impl<const E: usize, const K: usize> Schur<E, K> {
 
     /// Forms and factorises the reduced system.
     ///
-    /// The rows of `gauge` are directions of the blocks that stay along which no residual changes; each is given the
-    /// stiffness of an average parameter. The right-hand side is at right angles to them, so this fixes the gauge
-    /// and, without damping, changes nothing else. `false` when the system is not positive definite.
+    /// The rows of `gauge` are directions of the kept blocks along which no residual changes; each is given the
+    /// stiffness of an average parameter. The right-hand side is orthogonal to them, so this fixes the gauge and,
+    /// without damping, changes nothing else. `false` when the system is not positive definite.
     pub fn factorize(
         &mut self,
         grouped: &impl Grouped<E, K>,
@@ -100,8 +100,8 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         cholesky::factorize(self.matrix.as_mut_slice(), size)
     }
 
-    /// Eliminates the groups: what the coupling with them takes from the matrix, the reduced gradient, and the
-    /// blocks on the diagonal, which are not yet in the matrix. `false` when a block is not finite.
+    /// Eliminates the groups: subtracts their coupling from the matrix, and forms the reduced gradient and the
+    /// diagonal blocks, which are not yet added to the matrix. `false` when a block is not finite.
     fn eliminate(&mut self, grouped: &impl Grouped<E, K>, damping: f64) -> bool {
         let size = grouped.kept() * K;
         if self.matrix.nrows() != size {
@@ -119,7 +119,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
             self.transposed = DMatrix::zeros(size, height);
         }
         let complete = grouped.sightings() == grouped.groups() * grouped.kept();
-        // What is left of the old matrix: nothing, once the first product has been written over it.
+        // Factor of the old matrix: the first product overwrites it.
         let mut factor = 0.0;
         if !dense {
             self.matrix.as_mut_slice().fill(0.0);
@@ -157,7 +157,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
                     let grown = if i == j { damping } else { 0.0 };
                     *cell += block[i][j] + block[i][j] * grown;
                 }
-                // A parameter on which no residual depends, as with a loss, gets no step.
+                // A parameter on which no residual depends, for example because of the loss, gets no step.
                 if block[i][i] <= 0.0 {
                     matrix[start + i] += 1.0;
                 }
@@ -165,18 +165,18 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         }
     }
 
-    /// Number of parameters that stay.
+    /// Number of kept parameters.
     pub fn size(&self) -> usize {
         self.step.len()
     }
 
-    /// Information about one parameter that stays when all others are known.
+    /// Conditional information of a kept parameter, with all others known.
     pub fn information(&self, parameter: usize) -> f64 {
         let k = parameter % K;
         self.diagonal[parameter / K][k][k]
     }
 
-    /// The blocks that went, factorised.
+    /// The eliminated blocks, factorised.
     pub fn blocks(&self) -> &[EliminatedBlock<E>] {
         &self.blocks
     }
@@ -186,7 +186,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         cholesky::solve(self.matrix.as_slice(), side);
     }
 
-    /// Adds a sighting to the reduced gradient and to the diagonal block of what stays, without the coupling.
+    /// Adds a sighting to the reduced gradient and to the diagonal block of its kept block, without the coupling.
     #[inline]
     fn add(&mut self, slot: &Slot<E, K>, block: &EliminatedBlock<E>, whitened: &[f64; E]) {
         let left = slot.residual - dot(whitened, &block.residual);
@@ -200,7 +200,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         }
     }
 
-    /// Takes a group out and puts its coupling into the batch; `clear` when groups may leave gaps.
+    /// Eliminates a group and stores its coupling in the batch; `clear` when groups may leave gaps.
     fn collect(
         &mut self,
         block: &EliminatedBlock<E>,
@@ -231,7 +231,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         self.batched += 1;
     }
 
-    /// Subtracts the coupling of the groups in the batch from `factor` times the matrix: one product.
+    /// Subtracts the coupling of the groups in the batch from `factor` times the matrix, by one product.
     fn subtract_batch(&mut self, factor: &mut f64) {
         let rows = self.batched * E;
         self.matrix.gemm(
@@ -244,7 +244,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         self.batched = 0;
     }
 
-    /// Takes a group out block by block: for groups that see little.
+    /// Eliminates a group block by block; for groups with few sightings.
     fn scatter(&mut self, block: &EliminatedBlock<E>, group: impl Iterator<Item = Slot<E, K>>) {
         self.slots.clear();
         for slot in group {
@@ -265,7 +265,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         }
     }
 
-    /// Solves for the step of the blocks that stay and, group by group, of those that went.
+    /// Solves for the step of the kept blocks and, group by group, of the eliminated ones.
     ///
     /// Returns half the sum of squared residuals that the linear model predicts after the step.
     pub fn solve(
@@ -302,7 +302,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
         model * 0.5
     }
 
-    /// The residual after the step of the blocks that stay.
+    /// The residual after the step of the kept blocks.
     #[inline]
     fn after_step(&self, slot: &Slot<E, K>) -> f64 {
         let step = &self.step[slot.kept * K..slot.kept * K + K];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Cholesky factorisation of a sparse symmetric matrix whose pattern stays while its values change: faer,
-//! with its fill-reducing order, on one thread, so that the same matrix gives the same bits.
+//! Cholesky factorisation of a sparse symmetric matrix with a fixed pattern and changing values: faer with its
+//! fill-reducing ordering, on one thread, so that the same matrix gives the same bits.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -23,7 +23,7 @@ pub struct SparseCholesky {
 }
 
 impl SparseCholesky {
-    /// Analyses a pattern: where each column starts in `rows`, and the end; entries above the diagonal are
+    /// Analyses a pattern: the start of each column in `rows`, and the end. Entries above the diagonal are
     /// allowed and not read.
     ///
     /// `None` when there is not enough memory.
@@ -68,7 +68,7 @@ impl SparseCholesky {
             .is_ok()
     }
 
-    /// Solves in place for right-hand sides that lie one after the other.
+    /// Solves in place for right-hand sides stored one after the other.
     pub fn solve(&self, sides: &mut [f64]) {
         let count = sides.len() / self.size.max(1);
         let need = self.symbolic.solve_in_place_scratch::<f64>(count, Par::Seq);
@@ -97,7 +97,7 @@ mod tests {
 
     #[test]
     fn agrees_with_the_dense_factor() {
-        // An arrow with a chain: some fill, some order to be found.
+        // An arrow matrix with a chain: it has fill, and a good ordering to be found.
         let size = 40;
         let (mut start, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         let mut dense = DMatrix::<f64>::zeros(size, size);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The functions of the interface, in double and in single precision.
 //!
-//! Both are written out: the header is made from this text, and would not see what a macro makes.
+//! Both are written out, because the header is generated from this source and cbindgen does not expand macros.
 
 use super::generic::{refinement, resection, size, three_views, triangulation};
 use super::memory::Memory;
@@ -9,25 +9,25 @@ use super::status::{BearslamStatus, status, text};
 use crate::lm::RefineOptions;
 use core::ffi::{c_char, c_int, c_void};
 
-/// The explanation of a status, in a word or a sentence; never null.
+/// The explanation of a status, as a short text; never null.
 #[unsafe(no_mangle)]
 pub extern "C" fn bearslam_status_text(status: c_int) -> *const c_char {
     text(status).as_ptr()
 }
 
-/// Poses and landmarks of three views from bearings alone: both motions that explain them, best first.
+/// Poses and landmarks of three views from bearings alone: both motions that explain them, the better first.
 ///
 /// View 0 is at the origin with heading 0, view 1 at distance 1 from it. Both motions explain the bearings
-/// modulo pi; the signs nearly always tell them apart, but not always: look at `inconsistent` of both.
+/// modulo pi. The signs distinguish them nearly always, but not always: check `inconsistent` of both.
 ///
-/// - `bearings`: 3 x `landmark_count`, by view. A landmark that one of the views does not see takes no part.
+/// - `bearings`: 3 x `landmark_count`, by view. A landmark not seen by all three views is ignored.
 /// - `landmark_count`: at most `BEARSLAM_MAX_TRIPLES`.
-/// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated one (2 is good), at
+/// - `method`: a `BearslamMethod`; `reweights`: rounds of reweighting of the calibrated method (2 is good), at
 ///   most `BEARSLAM_MAX_REWEIGHTS`.
 /// - `poses`: 2 x 3 x 3, by solution, then by view.
-/// - `landmarks`: 2 x `landmark_count` x 2; NaN where rays are parallel or one is missing.
+/// - `landmarks`: 2 x `landmark_count` x 2; NaN where the rays are parallel or one is missing.
 /// - `inconsistent`: 2; how many sightings point away from their landmark.
-/// - `solutions`: how many there are: 2, or 1 where noise has made the two one. Then the second is NaN.
+/// - `solutions`: 1; the number of solutions: 2, or 1 where noise has merged them, and the second is then NaN.
 ///
 /// # Safety
 /// See the head of this file.
@@ -83,9 +83,9 @@ pub unsafe extern "C" fn bearslam_three_view_f32(
     ))
 }
 
-/// A landmark from two bearings or more.
+/// A landmark by triangulation from at least two bearings.
 ///
-/// - `poses`: `view_count` x 3; those of views that do not see it are not looked at.
+/// - `poses`: `view_count` x 3; those of views that do not see the landmark are ignored.
 /// - `bearings`: `view_count`.
 /// - `point`: 2.
 ///
@@ -119,9 +119,9 @@ pub unsafe extern "C" fn bearslam_triangulate_f32(
     status(triangulation(call, poses, bearings, view_count, point))
 }
 
-/// A pose from bearings of three known landmarks or more.
+/// A pose by resection from bearings of at least three known landmarks.
 ///
-/// - `landmarks`: `landmark_count` x 2; those that are not seen are not looked at.
+/// - `landmarks`: `landmark_count` x 2; those that are not seen are ignored.
 /// - `bearings`: `landmark_count`.
 /// - `pose`: 3.
 ///
@@ -155,34 +155,34 @@ pub unsafe extern "C" fn bearslam_resect_f32(
     status(resection(call, landmarks, bearings, landmark_count, pose))
 }
 
-/// How many bytes of memory `bearslam_refine` needs; 0 for more views or landmarks than it can take.
+/// The number of bytes of memory that `bearslam_refine` needs; 0 for more views or landmarks than it can take.
 #[unsafe(no_mangle)]
 pub extern "C" fn bearslam_refine_size(view_count: usize, landmark_count: usize) -> usize {
     size::<f64>(view_count, landmark_count)
 }
 
-/// As `bearslam_refine_size`, of `bearslam_refine_f32`.
+/// As `bearslam_refine_size`, for `bearslam_refine_f32`.
 #[unsafe(no_mangle)]
 pub extern "C" fn bearslam_refine_size_f32(view_count: usize, landmark_count: usize) -> usize {
     size::<f32>(view_count, landmark_count)
 }
 
-/// Refines poses and landmarks in place: the least sum of squared bearing residuals over sigma.
+/// Refines poses and landmarks in place: minimises the sum of squared bearing residuals over sigma.
 ///
-/// The first view that takes part ends at the origin with heading 0, the others at a root-mean-square
+/// In the result the first determined view is at the origin with heading 0, the others at a root-mean-square
 /// distance of 1 from it. Views that see fewer than three landmarks of the map and landmarks seen by fewer
-/// than two of its views are not held by the bearings and become NaN.
+/// than two of its views are not determined by the bearings and become NaN.
 ///
 /// - `bearings`: `view_count` x `landmark_count`, by view.
 /// - `sigma`: standard deviation of a bearing.
 /// - `view_count`, `landmark_count`: at most `BEARSLAM_MAX_VIEWS` and `BEARSLAM_MAX_LANDMARKS`.
-/// - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one with x NaN takes no part.
-/// - `max_iterations`: most linear systems to solve, which bounds the time.
-/// - `tolerance`: ends when a step lowers the cost by less than this part of it; 1e-10 (1e-7 in single
-///   precision) is good, 0 goes on until no step lowers it.
+/// - `poses`: `view_count` x 3, `landmarks`: `landmark_count` x 2; one whose x is NaN is left out.
+/// - `max_iterations`: maximum number of linear systems to solve, which bounds the time.
+/// - `tolerance`: ends when a step lowers the cost by less than this fraction of it; 1e-10 (1e-7 in single
+///   precision) is good, 0 continues until no step lowers it.
 /// - `cost`: 1; half the sum of squares. `iterations`: 1; linear systems solved.
-/// - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. What is
-///   in it before and after means nothing.
+/// - `memory`: `memory_size` bytes, aligned as a `double`, at least `bearslam_refine_size` of them. Its
+///   contents before and after the call do not matter.
 ///
 /// # Safety
 /// See the head of this file.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What each call does, once for `f64` and `f32`, and its limits.
+//! The implementation of each call, generic over `f64` and `f32`, and its limits.
 
 use super::memory::{Memory, Room, Scratch};
 use super::status::{BearslamStatus, Found};
@@ -10,16 +10,16 @@ use crate::scalar::Real;
 use core::ffi::{c_int, c_void};
 use nalgebra::{Point2, UnitComplex};
 
-/// Most landmarks of `bearslam_three_view`, whose rays are on the stack.
+/// Maximum number of landmarks of `bearslam_three_view`, whose rays are on the stack.
 pub const BEARSLAM_MAX_TRIPLES: usize = 64;
-/// Most rounds of reweighting of `bearslam_three_view`: a count that went wrong is not worked off.
+/// Maximum number of rounds of reweighting of `bearslam_three_view`, so that a wrong argument cannot stall it.
 pub const BEARSLAM_MAX_REWEIGHTS: usize = 100;
-/// Most views of `bearslam_refine`.
+/// Maximum number of views of `bearslam_refine`.
 pub const BEARSLAM_MAX_VIEWS: usize = 16;
-/// Most landmarks of `bearslam_refine`.
+/// Maximum number of landmarks of `bearslam_refine`.
 pub const BEARSLAM_MAX_LANDMARKS: usize = 32;
 
-/// How three views are solved.
+/// Method for three views.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BearslamMethod {
@@ -29,7 +29,7 @@ pub enum BearslamMethod {
     Projective,
 }
 
-/// Up to so many views and landmarks, `bearslam_refine` asks for less memory.
+/// Up to this many views and landmarks, `bearslam_refine` needs less memory.
 const FEW_VIEWS: usize = 8;
 const FEW_LANDMARKS: usize = 16;
 
@@ -136,7 +136,7 @@ pub(super) fn resection<T: Real>(
     Ok(())
 }
 
-/// Bytes of the room for a refinement of so many views and landmarks; 0 when there are too many.
+/// Bytes that a refinement of this many views and landmarks needs; 0 when there are too many.
 pub(super) fn size<T: Real>(views: usize, landmarks: usize) -> usize {
     if are_few(views, landmarks) {
         size_of::<Room<T, FEW_VIEWS, FEW_LANDMARKS>>()
@@ -199,7 +199,7 @@ impl<T: Real> Refinement<'_, T> {
             self.poses.as_chunks_mut().0,
             self.landmarks.as_chunks_mut().0,
         );
-        // A map without sightings would not ask.
+        // Checked here because a map without sightings would not check it.
         if !(self.sigma > T::zero() && self.options.tolerance >= T::zero()) {
             return Err(BearslamStatus::NotPositive);
         }

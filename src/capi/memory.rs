@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The memory of the caller: pointers become slices, and raw bytes the room of a refinement.
+//! The memory of the caller: pointers become slices, and raw bytes the storage of a refinement.
 //!
-//! All that dereferences a pointer of C is here; the calls only pass on the promise that comes with it.
+//! All code that dereferences pointers from C is here; the calls only pass on the caller's promise about them.
 
 use super::status::{BearslamStatus, Found};
 use crate::fixed::{FixedMap, Workspace};
@@ -10,19 +10,19 @@ use core::ffi::c_void;
 use core::marker::PhantomData;
 use core::slice;
 
-/// The promise of a caller from C about every pointer that comes with its call, for as long as the call lasts.
+/// The promise of a caller from C about every pointer passed with its call, for the duration of the call.
 #[derive(Clone, Copy)]
 pub(super) struct Memory<'a> {
     promise: PhantomData<&'a mut [f64]>,
 }
 
 impl<'a> Memory<'a> {
-    /// Takes the promise down.
+    /// Accepts the promise.
     ///
     /// # Safety
-    /// For as long as `'a` lasts, every pointer handed to this value that is not null has room for the numbers
-    /// asked of it; nothing else writes what is read through it, and nothing else reads or writes what is
-    /// written. Only numbers (`f32`, `f64`, `usize`) are asked for.
+    /// For the lifetime `'a`, every non-null pointer passed to this value has room for the numbers requested
+    /// from it; nothing else writes what is read through it, and nothing else reads or writes what is written.
+    /// Only numbers (`f32`, `f64`, `usize`) are requested.
     pub(super) unsafe fn promised() -> Self {
         let promise = PhantomData;
         Self { promise }
@@ -43,12 +43,12 @@ impl<'a> Memory<'a> {
         width: usize,
     ) -> Found<&'a mut [T]> {
         let length = check(pointer, count, width)?;
-        // SAFETY: not null, aligned, no longer than memory can be; the rest is the promise. Numbers are
-        // plain bits: memory of C that was never written holds some.
+        // SAFETY: not null, aligned, no longer than memory can be; the rest is the promise. Any bit pattern is
+        // a valid number, so memory that C has never initialised is allowed.
         Ok(unsafe { slice::from_raw_parts_mut(pointer, length) })
     }
 
-    /// Raw memory of `size` bytes, of which `needed` are asked for.
+    /// Raw memory of `size` bytes, of which `needed` are required.
     pub(super) fn scratch(
         self,
         pointer: *mut c_void,
@@ -70,7 +70,7 @@ impl<'a> Memory<'a> {
     }
 }
 
-/// The number of elements.
+/// Checks a pointer and returns the number of elements.
 fn check<T>(pointer: *const T, count: usize, width: usize) -> Found<usize> {
     if pointer.is_null() {
         return Err(BearslamStatus::NullPointer);
@@ -86,7 +86,7 @@ fn check<T>(pointer: *const T, count: usize, width: usize) -> Found<usize> {
     }
 }
 
-/// What a refinement puts into the memory of the caller.
+/// The storage of a refinement in the memory of the caller.
 pub(super) struct Room<T: Real, const M: usize, const N: usize> {
     pub(super) map: FixedMap<T, M, N>,
     pub(super) workspace: Workspace<T, M, N>,
@@ -100,7 +100,7 @@ pub(super) struct Scratch<'a> {
 }
 
 impl<'a> Scratch<'a> {
-    /// An empty room in this memory.
+    /// Initialises empty storage in this memory.
     pub(super) fn room<T: Real, const M: usize, const N: usize>(
         self,
     ) -> Found<&'a mut Room<T, M, N>> {
@@ -111,8 +111,9 @@ impl<'a> Scratch<'a> {
         if self.size < size_of::<Room<T, M, N>>() {
             return Err(BearslamStatus::MemoryTooSmall);
         }
-        // In place: made by `new` it would pass over the stack. SAFETY: aligned and large enough. All is numbers, for
-        // which zero bits are valid (`T` is f32 or f64), and options, which are written one by one.
+        // In place, because a value returned by `new` would pass through the stack. SAFETY: aligned and large enough.
+        // It consists of numbers, for which zero bits are valid (`T` is f32 or f64), and options, which are written one
+        // by one.
         unsafe {
             room.write_bytes(0, 1);
             write_none(&raw mut (*room).map.poses);

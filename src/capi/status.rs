@@ -1,46 +1,46 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The codes that calls from C return, and a sentence for each.
+//! The status codes that calls from C return, and a text for each.
 
 use crate::error::Error;
 use core::ffi::{CStr, c_int};
 
-/// What became of a call.
+/// Result of a call.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BearslamStatus {
-    /// All is written.
+    /// Success: all results are written.
     Ok = 0,
     /// A pointer is null.
     NullPointer,
-    /// A pointer is not aligned for what it points at.
+    /// A pointer is not aligned for its type.
     Misaligned,
     /// Fewer views or landmarks than the call needs.
     TooFew,
     /// More views, landmarks or rounds than the call can take.
     TooLarge,
-    /// A number is infinite, or NaN where that means nothing.
+    /// A number is infinite, or NaN where NaN is not allowed.
     NotFinite,
     /// The standard deviation is not positive, or the tolerance is negative.
     NotPositive,
-    /// No such method.
+    /// Unknown method.
     UnknownMethod,
-    /// The memory is smaller than `bearslam_refine_size` says.
+    /// The memory is smaller than `bearslam_refine_size` requires.
     MemoryTooSmall,
     /// The data do not determine the answer.
     Degenerate,
-    /// The iterations ran out before the minimum; all is written.
+    /// The maximum number of iterations was reached before a minimum; all results are written.
     NotConverged,
-    /// An error of the library that its calls from C should not meet.
+    /// An error of the library that calls from C should never cause.
     Unexpected,
 }
 
 impl BearslamStatus {
     const ALL: [(Self, &CStr); 12] = [
-        (Self::Ok, c"all is written"),
+        (Self::Ok, c"success"),
         (Self::NullPointer, c"a pointer is null"),
         (
             Self::Misaligned,
-            c"a pointer is not aligned for what it points at",
+            c"a pointer is not aligned for its type",
         ),
         (
             Self::TooFew,
@@ -52,25 +52,25 @@ impl BearslamStatus {
         ),
         (
             Self::NotFinite,
-            c"a number is infinite, or NaN where that means nothing",
+            c"a number is infinite, or NaN where NaN is not allowed",
         ),
         (
             Self::NotPositive,
             c"the standard deviation is not positive, or the tolerance is negative",
         ),
-        (Self::UnknownMethod, c"no such method"),
+        (Self::UnknownMethod, c"unknown method"),
         (
             Self::MemoryTooSmall,
-            c"the memory is smaller than bearslam_refine_size says",
+            c"the memory is smaller than bearslam_refine_size requires",
         ),
         (Self::Degenerate, c"the data do not determine the answer"),
         (
             Self::NotConverged,
-            c"the iterations ran out before the minimum; all is written",
+            c"the maximum number of iterations was reached before a minimum; all results are written",
         ),
         (
             Self::Unexpected,
-            c"an error of the library that its calls from C should not meet",
+            c"an error of the library that calls from C should never cause",
         ),
     ];
 }
@@ -90,12 +90,12 @@ impl From<Error> for BearslamStatus {
 
 pub(super) type Found<T> = Result<T, BearslamStatus>;
 
-/// The status of what was tried.
+/// The status of a result.
 pub(super) fn status(tried: Found<()>) -> BearslamStatus {
     tried.err().unwrap_or(BearslamStatus::Ok)
 }
 
-/// The explanation of a status by its number.
+/// The text of a status by its number.
 pub(super) fn text(status: c_int) -> &'static CStr {
     let mut all = BearslamStatus::ALL.iter();
     let known = all.find(|(known, _)| *known as c_int == status);

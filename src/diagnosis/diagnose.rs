@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The diagnosis: first what the sightings tell, then what a map tells.
+//! The diagnosis: first by counting sightings, then by examining a map.
 
 use super::finding::{Kind, Severity, apart};
 use super::maps::explaining_map::best_triple;
@@ -21,13 +21,13 @@ use alloc::vec::Vec;
 /// Counts sightings, finds parts, and looks at the singular values of the Jacobian at a map: the given
 /// one, or one that explains the bearings, whether they determine it or not. Free and weak directions
 /// are explained by shapes of the map: landmarks along a wall, views in one place, everything on one
-/// circle and so on. The noise is that of the problem where its standard deviations are below 1,
-/// else that of the residuals.
+/// circle and so on. The noise is that of the problem if all its standard deviations are below 1 rad,
+/// otherwise it is estimated from the residuals.
 ///
 /// With odometry or priors, and for maps of many unknowns, the weakest directions are those of the sparse
-/// normal equations, and shapes have no names.
+/// normal equations, and shapes are not named.
 ///
-/// Never fails on degenerate, empty or disconnected problems: that is what it is for.
+/// Never fails on degenerate, empty or disconnected problems: these are what it is for.
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::Interrupted`] when
@@ -55,7 +55,7 @@ pub fn diagnose(
     diagnose_with(problem, map, &DiagnosisOptions::default(), progress)
 }
 
-/// As [`diagnose`], by other thresholds.
+/// The diagnosis with thresholds of the caller.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -106,7 +106,7 @@ pub fn diagnose_with(
     Ok(diagnosis)
 }
 
-/// Adds what there is to say of bearings alone: by counting, then part by part.
+/// Diagnoses a problem of bearings alone: by counting, then part by part.
 fn by_bearings(
     problem: &Problem,
     map: Option<&Map>,
@@ -133,7 +133,7 @@ fn by_bearings(
     Ok(())
 }
 
-/// Adds what there is to say about a part.
+/// Diagnoses one part.
 fn look_at(
     subproblem: &SubProblem,
     map: Option<&Map>,
@@ -165,7 +165,7 @@ fn look_at(
     Ok(())
 }
 
-/// Adds what there is to say of a problem with odometry or priors, by the sparse equations.
+/// Diagnoses a problem with odometry or priors by the sparse normal equations.
 fn with_priors(
     problem: &Problem,
     map: Option<&Map>,
@@ -192,7 +192,7 @@ fn with_priors(
             }
         },
     };
-    // Odometry and priors place what nothing sees.
+    // Odometry and priors may place what has no sightings.
     let placed = |subject: Subject| match subject {
         Subject::View(view) => map.poses[view].is_some(),
         Subject::Landmark(landmark) => map.landmarks[landmark].is_some(),

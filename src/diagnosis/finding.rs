@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What can be wrong with a problem. `sentences` has the name and the words of each kind.
+//! What can be wrong with a problem. `sentences` holds the name and the texts of each kind.
 
 use crate::problem::Subject;
 use alloc::string::String;
@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 pub enum Severity {
     /// Something is not determined.
     Error,
-    /// Something is determined badly, or only as long as the noise is small.
+    /// Something is poorly determined, or only as long as the noise is small.
     Warning,
     /// Worth knowing.
     Note,
@@ -33,17 +33,17 @@ impl Severity {
 pub enum Kind {
     /// Views or landmarks with fewer sightings than determine them.
     TooFewSightings,
-    /// Parts that no sighting connects.
+    /// Parts not connected by any sighting.
     Disconnected,
-    /// Two views, or one.
+    /// At most two views.
     TwoViews,
-    /// Three landmarks, or fewer.
+    /// At most three landmarks.
     TooFewLandmarks,
     /// Fewer sightings than unknowns.
     Counting,
     /// Views or landmarks that the map cannot be extended to.
     Unreached,
-    /// All bearings of a view are alike modulo pi: everything is on one line.
+    /// All bearings of each view are equal modulo pi: everything is on one line.
     EverythingOnOneLine,
     /// The views are on one line and the landmarks on another.
     LinesOfViewsAndOfLandmarks,
@@ -51,7 +51,7 @@ pub enum Kind {
     ViewsAndLandmarksOnOneCircle,
     /// Three views and all landmarks are on one circle.
     ThreeViewsAndLandmarksOnOneCircle,
-    /// Views in one place: turning on the spot.
+    /// Views in one place: pure rotation.
     CoincidentViews,
     /// All landmarks are on one line.
     CollinearLandmarks,
@@ -61,38 +61,38 @@ pub enum Kind {
     ThreeCollinearViews,
     /// There are exactly three views, and the landmarks are on a cubic curve through them.
     LandmarksOnACubic,
-    /// A view on one circle with all landmarks that it sees.
+    /// A view on one circle with all landmarks that it sees (the danger circle of resection).
     ViewOnCircleOfLandmarks,
     /// A landmark on one line with all views that see it: direction known, range not.
     LandmarkOnLineOfViews,
     /// Landmarks so far away that only their directions are known.
     LandmarksAtInfinity,
-    /// A part that can move, turn and grow as a whole against the rest.
+    /// A part that can move, turn or change its scale as a whole relative to the rest.
     LoosePart,
-    /// A free direction that none of the other names explains.
+    /// A free direction that no other kind explains.
     UnnamedDirection,
-    /// A direction that the bearings fix, but so weakly that noise moves the map far along it.
+    /// A direction that the bearings determine so weakly that noise moves the map far along it.
     WeaklyDetermined,
     /// Another map, such as the mirror image of three views, explains the bearings nearly as well.
     SecondSolution,
     /// No map has been found that explains the bearings.
     PoorFit,
-    /// Too many unknowns for the singular values: only the sightings have been counted.
+    /// No examination of a map was possible: only the sightings have been counted.
     NotExamined,
 }
 
 /// One thing that is wrong, what it concerns, and what to do about it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// What kind of thing.
+    /// Its kind.
     pub kind: Kind,
-    /// How bad.
+    /// How bad it is.
     pub severity: Severity,
-    /// The views that it concerns.
+    /// The views concerned.
     pub views: Vec<usize>,
-    /// The landmarks that it concerns.
+    /// The landmarks concerned.
     pub landmarks: Vec<usize>,
-    /// Free directions that it explains.
+    /// Number of free directions that it explains.
     pub directions: usize,
     /// What is wrong.
     pub message: String,
@@ -100,7 +100,7 @@ pub struct Finding {
     pub advice: String,
 }
 
-/// Views and landmarks apart, each in order and once.
+/// Separates views and landmarks, each sorted and without duplicates.
 pub fn apart(subjects: impl IntoIterator<Item = Subject>) -> (Vec<usize>, Vec<usize>) {
     let (mut views, mut landmarks) = (Vec::new(), Vec::new());
     for subject in subjects {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which map to look at.
+//! The choice of the map to examine.
 
 pub mod choose;
 pub mod explaining_map;

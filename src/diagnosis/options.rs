@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a diagnosis decides by: each threshold with its unit and reason.
+//! Thresholds of a diagnosis, each with its unit and reason.
 //!
-//! *Not sensitive* is measured: half and double give the same findings for every scene of the table of degenerate
-//! configurations and of its harmless relatives, exact and with noise of 0.1 degrees, and for random sparse scenes with
-//! and without odometry; 756 diagnoses. Numbers on which no finding depends (rounding, steps of an iteration that
-//! has converged) stand where they are used.
+//! *Not sensitive* is measured: half and double the value give the same findings for every scene of the table of
+//! degenerate configurations and of similar regular ones, exact and with noise of 0.1 degrees, and for random sparse
+//! scenes with and without odometry; 756 diagnoses. Numbers on which no finding depends (rounding, steps of an
+//! iteration that has converged) are defined where they are used.
 
-/// Options of [`diagnose_with`](crate::diagnose_with).
+/// All thresholds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct DiagnosisOptions {
     /// How a map is examined.
     pub shapes: ShapeOptions,
-    /// Which map is looked at.
+    /// Which map is examined.
     pub maps: MapOptions,
-    /// What is said of it.
+    /// What is reported.
     pub verdict: VerdictOptions,
 }
 
@@ -24,38 +24,39 @@ pub struct DiagnosisOptions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct ShapeOptions {
-    /// A direction is weak when the predicted standard deviation of the map along it exceeds this share of its size.
-    /// A fifth: beyond it the linearization that predicts it is worth little. The same as the bound of
+    /// A direction is weak when the predicted standard deviation of the map along it exceeds this fraction of its size.
+    /// A fifth: above that the linearisation behind the prediction is unreliable. The same as the bound of
     /// [`Reconstruction::uncertainty`](crate::Reconstruction::uncertainty).
     pub weak: f64,
-    /// It is weak, too, when that of one point exceeds this share of the point's unit, which is the size of the map
-    /// or its mean distance from what it sees or is seen by. Half: twice that reaches to where it is seen from.
+    /// It is also weak when the standard deviation of one point exceeds this fraction of the point's unit, the larger
+    /// of the size of the map and its mean distance from what it sees or is seen by. Half: two standard deviations then
+    /// reach to where it is seen from.
     pub weak_point: f64,
-    /// A shape explains a direction when more than this share of the square of the direction lies in what the shape
-    /// leaves free. Half, so that two shapes with nothing in common never explain the same one.
+    /// A shape explains a direction when more than this fraction of its squared length lies in the null space of the
+    /// shape. Half, so that two shapes with orthogonal null spaces never explain the same direction.
     pub explained: f64,
-    /// A point moves alone in a direction when it has this share of the squared moves. All but a tenth: then the
-    /// others move by less than a third of its length together.
+    /// A point moves alone in a direction when it has this fraction of the squared moves. All but a tenth: the others
+    /// together then move by less than a third of its move.
     pub alone: f64,
-    /// Most causes that are looked for one by one after those of the whole map. Not sensitive.
+    /// Maximum number of causes that are sought one by one after those of the whole map. Not sensitive.
     pub causes: usize,
-    /// Points are off a shape by at most this many predicted standard deviations more than is usual for their number.
-    /// Four: one map in ten thousand that has the shape is missed. Half changes five diagnoses,
+    /// Points fit a shape when they are off it by at most this many predicted standard deviations more than expected
+    /// for their number. Four: one map in ten thousand that has the shape is missed. Half changes five diagnoses,
     /// double none.
     pub sigmas: f64,
-    /// Points are off a shape by at most this part of their units, whatever the noise. A tenth: what is farther off
-    /// is weak for another reason than the shape. Half changes four diagnoses, double one.
+    /// Points fit a shape only when they are off it by at most this fraction of their units, whatever the noise. A
+    /// tenth: a map farther off is weak for another reason than the shape. Half changes four diagnoses, double one.
     pub nearly: f64,
-    /// Noise \[rad\] above which no shapes are looked for. Six degrees: points scatter by [`nearly`](Self::nearly) of
-    /// their range, so anything looks like any shape.
+    /// Noise \[rad\] above which no shapes are sought. Six degrees: points scatter by [`nearly`](Self::nearly) of
+    /// their range, so that everything fits any shape.
     pub max_noise: f64,
-    /// How far points are moved for a map of the same kind without any shape, in their units. Well below a tenth, so
-    /// that the map stays the same otherwise, and far above the rounding by which shapes are told. Not sensitive.
+    /// How far points are moved, in their units, to get a similar map without any shape. Well below a tenth, so that
+    /// the map stays the same otherwise, and far above the rounding that exact shapes may have. Not sensitive.
     pub jitter: f64,
-    /// Most parameters of a map whose singular values are all computed: the decomposition takes some seconds and
-    /// memory for their square.
+    /// Maximum number of parameters of a map whose singular values are all computed: the decomposition takes seconds,
+    /// and memory for their square.
     pub max_parameters: usize,
-    /// Most sightings times that square: also some seconds.
+    /// Maximum number of sightings times that square, for the same reason.
     pub max_work: usize,
 }
 
@@ -84,8 +85,8 @@ impl ShapeOptions {
     }
 }
 
-/// Which map is looked at: one that is given, one that the search finds, or another that explains the bearings as well
-/// and shows more.
+/// Which map is examined: a given one, one that the search finds, or another that explains the bearings as well and
+/// whose shape explains more.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -100,30 +101,30 @@ pub struct MapOptions {
     /// Bearings agree with a shape when they are off by at most this many standard deviations. Four: one bearing in
     /// ten thousand is farther off. Half changes four diagnoses, double none.
     pub sigmas: f64,
-    /// Most noise \[rad\] for which shapes are looked for in the bearings themselves when no standard deviation is
-    /// stated. Half a degree: the noise that follows from a map may be that of a wrong minimum. Not sensitive.
+    /// Bound \[rad\] on the noise with which shapes are sought in the bearings themselves when no standard deviation
+    /// is stated. Half a degree: noise estimated from a map may be that of a wrong minimum. Not sensitive.
     pub max_unstated_noise: f64,
     /// Triples of views that are drawn to find the one that shares most landmarks. Not sensitive.
     pub start_triples: usize,
-    /// Triples of views from whose tensors maps are made where the search has failed: of a degenerate problem most will
-    /// do. Not sensitive.
+    /// Triples of views from whose tensors maps are made when the search has failed: in a degenerate problem most of
+    /// them serve. Not sensitive.
     pub triples: usize,
     /// Places on the circle of tensors of each triple that become maps. Not sensitive.
     pub places: usize,
     /// Maps that are refined, those of the least cost first. Not sensitive.
     pub refined: usize,
-    /// Iterations by which a member of a family of maps is refined. Few: it shall agree with the bearings again and not
-    /// move along the family. Not sensitive.
+    /// Iterations to refine a member of a family of maps. Few: it has to agree with the bearings again without moving
+    /// along the family. Not sensitive.
     pub member_iterations: usize,
-    /// Their first damping, far above the default of a refinement for the same reason. Not sensitive.
+    /// Initial damping of these iterations, far above the default for the same reason. Not sensitive.
     pub member_damping: f64,
-    /// Landmarks off a line by at most this part of their extent are looked at as a wall. A tenth, as for all shapes.
+    /// Landmarks off a line by at most this fraction of their extent are treated as a wall. A tenth, as for all shapes.
     /// Not sensitive.
     pub wall: f64,
-    /// Members of the family of a wall that are compared before the best is refined. Not sensitive.
+    /// Grid of members of the family of a wall from which the search for the best one starts. Not sensitive.
     pub members: u32,
-    /// Views are looked at as a line when the way from one to the next turns by at most this angle \[rad\], root mean
-    /// square. About twice what a tenth of the distance makes. Half changes nothing, double two
+    /// Views are treated as a line when the path from one to the next turns by at most this angle \[rad\], root mean
+    /// square. About twice the turn caused by an offset of a tenth of the distance. Half changes nothing, double two
     /// diagnoses.
     pub straight: f64,
 }
@@ -148,7 +149,7 @@ impl Default for MapOptions {
     }
 }
 
-/// What is said of a map.
+/// What is reported about a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -156,12 +157,12 @@ pub struct VerdictOptions {
     /// Residuals \[rad\], root mean square, above which a map is no evidence: six degrees, as
     /// [`ShapeOptions::max_noise`].
     pub max_rms: f64,
-    /// A second map whose residuals are less than this many times those of the best leaves a doubt. As
+    /// The solution is ambiguous when a second map has residuals less than this many times those of the best. As
     /// [`MapOptions::as_good`]; half changes two diagnoses, double none.
     pub clear_margin: f64,
-    /// Singular values that are reported. No finding depends on it.
+    /// Number of singular values that are reported. No finding depends on it.
     pub singular_values: usize,
-    /// Weakest directions that are computed where not all are. A map with more free ones is all but undetermined.
+    /// Number of weakest directions computed when not all are. A map with more free ones is almost undetermined.
     pub directions: usize,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What counting tells: which parts of a problem may be determined at all.
+//! Counting of sightings: which parts of a problem can be determined at all.
 
 pub mod components;
 pub mod counting;

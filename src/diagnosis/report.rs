@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a diagnosis returns, and how it reads.
+//! The result of a diagnosis, and its text.
 
 use super::finding::{Finding, Kind, Severity, apart};
 use super::parts::components::Part;
@@ -8,11 +8,11 @@ use crate::uncertainty::WeakDirection;
 use alloc::vec::Vec;
 use core::fmt;
 
-/// A direction of the map that the bearings hold weakly or not at all; its cause is the kind of the finding that
-/// explains it.
+/// A direction of the map that the bearings determine weakly or not at all; its cause is the kind of the finding
+/// that explains it.
 pub type NullDirection = WeakDirection<Kind>;
 
-/// What bearings determine and what they do not.
+/// What the bearings determine and what they do not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnosis {
     /// Number of views.
@@ -21,22 +21,21 @@ pub struct Diagnosis {
     pub landmarks: usize,
     /// Number of sightings.
     pub sightings: usize,
-    /// Parts that sightings connect, without views and landmarks of too few; most sightings first.
+    /// Parts connected by sightings, without views and landmarks that have too few; most sightings first.
     pub components: Vec<Part>,
-    /// Directions that are free beyond the gauge of each part.
+    /// Number of directions that are free beyond the gauge of each part.
     pub extra: usize,
-    /// The smallest singular values of the Jacobian of the first part that was examined, over its median
-    /// column, without the gauge: ascending, up to eight. Empty when there was no map.
+    /// The smallest singular values of the Jacobian of the first part that was examined, without the gauge,
+    /// over the norm of its median column: ascending, up to eight. Empty when there was no map.
     pub singular_values: Vec<f64>,
     /// Largest singular value over the smallest that is not zero; NaN when there was no map.
     pub condition: f64,
-    /// Standard deviation of a bearing \[rad\] that was assumed: that of the problem, or that of the residuals.
+    /// Standard deviation of a bearing \[rad\] that was assumed: stated by the problem or estimated from the residuals.
     pub noise: f64,
-    /// Whether there are three views, and they are on one line or so near it that noise hides the
-    /// difference.
+    /// Whether there are three views on one line, or so near it that noise hides the difference.
     pub near_collinear: bool,
     /// How many times larger the residuals of the next best map are, such as the mirror image of three views;
-    /// infinite when none was found, NaN when none was looked for.
+    /// infinite when none was found, NaN when none was sought.
     pub mirror_margin: f64,
     /// Directions that are free or weak, part by part, the weakest first.
     pub directions: Vec<NullDirection>,
@@ -62,7 +61,7 @@ impl Diagnosis {
     }
 }
 
-/// Most free and weak directions that are spelt out, about a screen of text with the findings. `directions` has all.
+/// Maximum number of directions that are printed, about a screen of text with the findings. `directions` has all.
 const MAX_LISTED: usize = 4;
 
 impl fmt::Display for Diagnosis {
@@ -99,7 +98,7 @@ impl fmt::Display for Diagnosis {
         if self.directions.len() > MAX_LISTED {
             write!(
                 f,
-                "\nand {} directions more",
+                "\nand {} more directions",
                 self.directions.len() - MAX_LISTED
             )?;
         }

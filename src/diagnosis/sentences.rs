@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How findings read: the name of each kind, what it says is wrong and what to add, in one table.
+//! The texts of findings in one table: for each kind its name, what is wrong and what to add.
 
 use super::finding::{Finding, Kind, Severity};
 use alloc::format;
@@ -7,16 +7,16 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
-/// The circumstances in which a kind is found, where they change what is said of it.
+/// The circumstances in which a kind is found, where they change its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Case {
     /// All others.
     Usual,
-    /// Not one sighting.
+    /// No sightings at all.
     Unseen,
     /// No three views to start a map from.
     NoStart,
-    /// Out of reach of the largest part, as the sightings are.
+    /// Out of reach of the largest part by the pattern of sightings.
     OutOfReach,
     /// The solver has failed.
     NoMap,
@@ -24,18 +24,18 @@ pub enum Case {
     WithPriors,
 }
 
-/// Of each kind, in their order: its name, what is wrong, and what to add.
+/// For each kind, in their order: its name, what is wrong, and what to add.
 ///
-/// Words in braces stand for facts of the finding, see [`fact`], or for such that are given with it. The numbers in
-/// the advice follow from counting: a new landmark takes two sightings to place it and a new view three; each
-/// sighting beyond these fixes one direction.
+/// Words in braces stand for facts of the finding, see [`fact`], or for facts given with it. The numbers in the
+/// advice follow from counting: a new landmark takes two sightings to place it and a new view three; each sighting
+/// beyond these fixes one direction.
 #[rustfmt::skip]
 const TABLE: [(Kind, &str, &str, &str); 24] = [
     (Kind::TooFewSightings, "too_few_sightings",
         "{all} {have} too few sightings to be placed",
         "A view needs three landmarks that are placed, a landmark two views."),
     (Kind::Disconnected, "disconnected",
-        "the sightings fall into {parts} parts that nothing ties together: {first}, and apart from them {all}",
+        "no sighting connects the {parts} parts of the problem: {first}, and separately {all}",
         "Each further part needs four sightings between it and the others, or three landmarks of the others that \
          one of its views sees."),
     (Kind::TwoViews, "two_views",
@@ -46,7 +46,7 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
         "Add {missing}."),
     (Kind::Counting, "counting",
         "{seen} are fewer than the {unknowns} unknowns of {count views} views and {count landmarks} landmarks \
-         (three a view, two a landmark, less four)",
+         (three per view, two per landmark, minus four)",
         "Add at least {sightings} between them; a further landmark counts for the sightings beyond two, a further \
          view for those beyond three."),
     (Kind::Unreached, "unreached",
@@ -54,22 +54,23 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
         "A view needs three landmarks of the map that are not on one circle with it, a landmark two views of the \
          map that are not in line with it."),
     (Kind::EverythingOnOneLine, "everything_on_one_line",
-        "{all} all lie on one line, or their bearings cannot be told from that: every point may slide along it",
-        "Only views off the line and landmarks off the line help: add at least two of each, all seen by all."),
+        "{all} lie on one line, or within the noise of one: every point can slide along it",
+        "Add at least two views and two landmarks off the line, so that every view sees every landmark."),
     (Kind::LinesOfViewsAndOfLandmarks, "lines_of_views_and_of_landmarks",
         "{views} lie on one line and {landmarks} on another",
         "Add {sightings of one} of a landmark off both lines, or a view off the line of views and three sightings \
          of a landmark off the line of landmarks."),
     (Kind::ViewsAndLandmarksOnOneCircle, "views_and_landmarks_on_one_circle",
-        "{all} lie on one circle, where inscribed angles do not tell the place of a view: each view may slide along \
-         it",
+        "{all} lie on one circle, where inscribed angles do not depend on the position of a view: each view can slide \
+         along it",
         "Add three landmarks off the circle, seen by all views."),
     (Kind::ThreeViewsAndLandmarksOnOneCircle, "three_views_and_landmarks_on_one_circle",
-        "{all} lie on one circle, where inscribed angles do not tell the place of a view: each view may slide along \
-         it",
+        "{all} lie on one circle, where inscribed angles do not depend on the position of a view: each view can slide \
+         along it",
         "Add three landmarks off the circle, seen by all views."),
     (Kind::CoincidentViews, "coincident_views",
-        "{views} stand in one place and only turn: they count as one view, and fewer than three places are left",
+        "{views} are in one place and differ only by rotation: they count as one view, and fewer than three places \
+        are left",
         "Add views from other places until there are three, each seeing five of the landmarks."),
     (Kind::CollinearLandmarks, "collinear_landmarks",
         "{landmarks} lie on one line, such as a wall: a family of maps has the same bearings, however many views \
@@ -85,20 +86,20 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
         "Add a fourth view, anywhere, that sees four of the landmarks."),
     (Kind::LandmarksOnACubic, "landmarks_on_a_cubic",
         "{landmarks} lie on one cubic curve through {views}, such as a line together with the circle through the \
-         views: three views do not tell the maps apart",
+         views: three views cannot distinguish the maps",
         "Add a fourth view that sees {landmarks of one} of the landmarks, or a landmark elsewhere."),
     (Kind::ViewOnCircleOfLandmarks, "view_on_circle_of_landmarks",
-        "{views} is on one circle with all landmarks that it sees ({landmarks}), and may slide along it",
-        "Let it see a landmark that is not on the circle."),
+        "{views} is on one circle with all landmarks that it sees ({landmarks}), and can slide along it",
+        "Add a sighting from it of a landmark that is not on the circle."),
     (Kind::LandmarkOnLineOfViews, "landmark_on_line_of_views",
-        "{landmarks} is on one line with all views that see it ({views}), which know its direction but not its \
-         range",
-        "Let a view off the line see it."),
+        "{landmarks} is on one line with all views that see it ({views}): its direction is determined, its range \
+         is not",
+        "Add a sighting of it from a view off the line."),
     (Kind::LandmarksAtInfinity, "landmarks_at_infinity",
         "the rays of {landmarks} are parallel within their noise: directions are known, ranges are not",
-        "Their bearings still hold the headings. For their ranges see them from farther apart."),
+        "Their bearings still determine the headings. For their ranges, add sightings from farther apart."),
     (Kind::LoosePart, "loose_part",
-        "{all} can move against the rest as a whole: too few sightings tie {them} to it",
+        "{all} can move as a whole relative to the rest: too few sightings connect {them} to it",
         "Add {sightings} between this part and the rest."),
     (Kind::UnnamedDirection, "unnamed_direction",
         "{directions are} free and no shape of the map explains {it}; mostly {all} {move}",
@@ -108,16 +109,16 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
         "Add sightings of {them}, from other places or of other landmarks."),
     (Kind::SecondSolution, "second_solution",
         "another map explains the bearings nearly as well, with residuals {margin} times as large",
-        "Add a view of five of the landmarks: it tells the two apart."),
+        "Add a view that sees five of the landmarks: it decides between the two."),
     (Kind::PoorFit, "poor_fit",
-        "the map leaves residuals of {rms} degrees, so its shape is no evidence",
+        "the map leaves residuals of {rms} degrees, too large for its shape to mean anything",
         "Look for wrong correspondences, or give a better map."),
     (Kind::NotExamined, "not_examined",
         "only the sightings have been counted: {why}",
         ""),
 ];
 
-/// What is said instead in special cases.
+/// The texts in special cases.
 #[rustfmt::skip]
 const SPECIAL: [(Kind, Case, &str, &str); 6] = [
     (Kind::TooFewSightings, Case::Unseen,
@@ -129,10 +130,10 @@ const SPECIAL: [(Kind, Case, &str, &str); 6] = [
          that are not in line with it."),
     (Kind::Unreached, Case::NoStart,
         "no three of {views} see the same four landmarks, so there is nothing to start a map from",
-        "Let three views see the same five landmarks."),
+        "Add sightings so that three views see the same five landmarks."),
     (Kind::Unreached, Case::OutOfReach,
-        "{all} cannot be tied to the largest part step by step: no view of them sees three of its landmarks",
-        "Let one of these views see three landmarks that two views of the largest part see."),
+        "{all} cannot be added to the largest part step by step: no view among them sees three of its landmarks",
+        "Add sightings from one of these views of three landmarks that two views of the largest part see."),
     (Kind::Unreached, Case::NoMap,
         "no map could be made: {why}",
         "Add sightings, odometry or priors."),
@@ -163,7 +164,7 @@ impl Kind {
     }
 }
 
-/// A finding in the words of the table.
+/// A finding with the texts of the table.
 pub fn finding(
     kind: Kind,
     severity: Severity,
@@ -180,8 +181,8 @@ pub fn finding(
     )
 }
 
-/// A finding in a case, with the facts that its texts mention beside those of [`fact`]. A kind without texts
-/// for the case uses its usual ones.
+/// A finding in a case, given the facts of its texts other than those of [`fact`]. A kind without texts for the
+/// case uses its usual ones.
 pub fn finding_in(
     case: Case,
     kind: Kind,
@@ -207,10 +208,10 @@ pub fn finding_in(
     finding
 }
 
-/// A text with its facts.
+/// Fills the facts into a text.
 fn fill(text: &str, finding: &Finding, given: &[(&str, String)]) -> String {
     let mut filled = String::new();
-    // Between braces is every second piece.
+    // Every second piece is between braces.
     for (k, piece) in text.split(['{', '}']).enumerate() {
         let known = given.iter().find(|(name, _)| *name == piece);
         match known {
@@ -263,7 +264,7 @@ impl fmt::Display for Finding {
     }
 }
 
-/// Most ranges of a list that are spelt out: about a line of text. No answer depends on it.
+/// Maximum number of ranges of a list that are printed: about a line of text. No result depends on it.
 const MAX_RANGES: usize = 8;
 
 /// `landmarks 0..7`, `views 0, 2 and 5..8`, `view 3`: ranges with both ends in them.
@@ -303,7 +304,7 @@ fn join(words: &[String]) -> String {
     }
 }
 
-/// Views and landmarks together, such as `views 0..2 and landmark 5`.
+/// Views and landmarks together, for example `views 0..2 and landmark 5`.
 pub fn both(views: &[usize], landmarks: &[usize]) -> String {
     match (views, landmarks) {
         (_, []) => list("view", views),

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From what a map tells to findings: what it has no value for, what is free, what is weak.
+//! Findings from a map: what is undetermined, what is free, what is weak.
 //!
-//! Maps of some hundred unknowns without odometry and priors are examined by all their singular values, and what is
-//! free gets the name of a shape. All others are examined by the weakest directions of the sparse normal equations.
+//! Maps of up to some hundred unknowns without odometry and priors are examined by all their singular values, and
+//! free directions get the name of a shape. All others are examined by the weakest directions of the sparse normal
+//! equations.
 
 use super::finding::{Finding, Kind, Severity, apart};
 use super::maps::choose::{Chosen, Evidence};
@@ -19,7 +20,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 
 impl SubProblem {
-    /// Adds what the evidence tells to a diagnosis. `hopeless` when counting has told the worst already.
+    /// Adds the findings from the evidence to a diagnosis. `hopeless` when counting has already found too little.
     pub fn judge(&self, chosen: &Chosen, hopeless: bool, diagnosis: &mut Diagnosis) {
         let noise = chosen.noise;
         diagnosis.noise = f64::max(diagnosis.noise, noise);
@@ -54,7 +55,7 @@ impl SubProblem {
         diagnosis.mirror_margin = f64::min(diagnosis.mirror_margin, margin);
     }
 
-    /// Adds what the map has no value for, though there are sightings of it.
+    /// Adds what is undetermined in the map although it has sightings.
     pub fn report_absent(
         &self,
         map: &Map,
@@ -98,7 +99,7 @@ impl SubProblem {
         self.about_all(Case::Usual, kind, severity, &[("margin", told)])
     }
 
-    /// That the part has only been counted.
+    /// The finding that only the sightings of the part have been counted.
     pub fn not_examined(&self, why: &str) -> Finding {
         let (kind, severity) = (Kind::NotExamined, Severity::Note);
         self.about_all(Case::Usual, kind, severity, &[("why", why.to_string())])
@@ -159,7 +160,7 @@ impl SubProblem {
         let findings = causes.map(|(k, cause)| {
             let explained = found.directions.iter().filter(|d| d.cause == Some(k));
             let deviation = explained.map(|d| d.deviation).fold(0.0, f64::max);
-            // Where two solutions merge, or one point is free, the rest is determined; not so in a family of maps.
+            // Where two solutions merge, or one point is free, the rest is determined; in a family of maps it is not.
             let bounded = matches!(
                 cause.kind,
                 Kind::ThreeCollinearViews
@@ -177,8 +178,8 @@ impl SubProblem {
         findings.collect()
     }
 
-    /// Adds an examination by the sparse equations; `noise` \[rad\] of bearings, `None` when odometry and priors
-    /// have their own.
+    /// Adds an examination by the sparse normal equations. `noise` is that of the bearings \[rad\]; `None` with
+    /// odometry and priors, where the stated standard deviations are used.
     pub fn report_sparse(
         &self,
         map: &Map,
@@ -209,13 +210,13 @@ impl SubProblem {
         self.report_directions(open.collect(), unnamed, noise, hopeless, diagnosis);
     }
 
-    /// How many free directions counting has told of.
+    /// How many free directions counting has already found.
     fn counted(&self, hopeless: bool) -> usize {
         if hopeless { missing(&self.part) } else { 0 }
     }
 
-    /// Adds free and weak directions, and findings of those that no shape explains: free ones under the name
-    /// `unnamed`, weak ones for a `noise` \[rad\] of bearings.
+    /// Adds free and weak directions, and findings for those that no shape explains: of the kind `unnamed` for free
+    /// ones, for weak ones with the `noise` \[rad\] of bearings.
     fn report_directions(
         &self,
         mut directions: Vec<NullDirection>,
@@ -274,4 +275,4 @@ impl SubProblem {
     }
 }
 
-const TOO_LARGE: &str = "the map has too many unknowns for all its singular values";
+const TOO_LARGE: &str = "the map has too many unknowns to compute its singular values";

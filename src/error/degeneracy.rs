@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The kinds of degeneracy: what was tested, and what would help.
 
-/// Which test the geometry of the data has failed.
+/// The test that the geometry of the data failed.
 ///
-/// The value of [`Error::Degenerate`](super::Error::Degenerate) is the number of [`Degeneracy::quantity`].
+/// The value of [`Error::Degenerate`](super::Error::Degenerate) is that of [`Degeneracy::quantity`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Degeneracy {
@@ -14,7 +14,7 @@ pub enum Degeneracy {
     ProjectiveSystem,
     /// Two of three views are in one place.
     CoincidentViews,
-    /// Three views on one line, of which the projective method cannot place the third.
+    /// Three views are on one line, so that the projective method cannot place the third.
     CollinearViews,
     /// A tensor that is zero or not finite.
     VanishingTensor,
@@ -24,19 +24,19 @@ pub enum Degeneracy {
     ComplexEpipoles,
     /// Rays that are parallel, or along one line of sight.
     ParallelRays,
-    /// The landmarks of a view that is to be resected are in one place.
+    /// All landmarks for a resection are in one place.
     CoincidentLandmarks,
-    /// The landmarks of a view that is to be resected lie in one direction.
+    /// All landmarks for a resection lie in one direction.
     CommonDirection,
-    /// A view on one circle, or one line, with the landmarks that it is to be resected from.
+    /// A view is on one circle, or one line, with the landmarks for its resection.
     AmbiguousResection,
-    /// Points that no similarity brings near others: one set is a single place, or they do not correspond.
+    /// Points that no similarity aligns: one set is a single place, or the sets do not correspond.
     UncorrelatedPoints,
-    /// A start whose views and landmarks are all in one place.
+    /// All views and landmarks of a start are in one place.
     CoincidentStart,
-    /// Exact bearings leave the map free in a direction besides the gauge.
+    /// Exact bearings leave a direction of the map free besides the gauge.
     FreeMap,
-    /// Odometry and priors leave the frame free in which covariances were asked for.
+    /// Odometry and priors leave part of the gauge free, although covariances in their frame were requested.
     FreeFrame,
     /// The normal equations of a covariance are singular beyond the free directions.
     SingularNormalEquations,
@@ -44,9 +44,9 @@ pub enum Degeneracy {
     NoHypothesis,
     /// No start along odometry and priors could be refined.
     NoStart,
-    /// No map has a sighting beyond its unknowns.
+    /// No map has redundant sightings.
     NoSpareSighting,
-    /// No map has inliers beyond the sample it is made from.
+    /// No map has inliers beyond its minimal sample.
     NoSupport,
 }
 
@@ -56,7 +56,7 @@ impl Degeneracy {
         self.texts().0
     }
 
-    /// The number that was tested.
+    /// The quantity that was tested.
     pub const fn quantity(self) -> &'static str {
         self.texts().1
     }
@@ -102,7 +102,7 @@ impl Degeneracy {
             Self::ComplexEpipoles => (
                 "complex_epipoles",
                 "discriminant of the epipoles (complex eigenvalues)",
-                "measure more exactly, add landmarks, or use the calibrated method",
+                "reduce the noise, add landmarks, or use the calibrated method",
             ),
             Self::ParallelRays => (
                 "parallel_rays",
@@ -141,13 +141,13 @@ impl Degeneracy {
             ),
             Self::FreeFrame => (
                 "free_frame",
-                "number of directions of the whole that odometry and priors leave free",
-                "add priors that fix position, heading and scale, or ask for another frame",
+                "number of directions of the gauge that odometry and priors leave free",
+                "add priors that fix position, heading and scale, or choose another frame",
             ),
             Self::SingularNormalEquations => (
                 "singular_normal_equations",
                 "pivot of the normal equations",
-                "add sightings or priors of what the map leaves free",
+                "add sightings or priors of the undetermined views and landmarks",
             ),
             Self::NoHypothesis => (
                 "no_hypothesis",
@@ -161,12 +161,12 @@ impl Degeneracy {
             ),
             Self::NoSpareSighting => (
                 "no_spare_sighting",
-                "number of maps with a sighting to spare",
+                "number of maps with redundant sightings",
                 "add sightings of landmarks that several views share",
             ),
             Self::NoSupport => (
                 "no_support",
-                "number of maps that more than a sample agrees with",
+                "number of maps with inliers beyond a minimal sample",
                 "check sigma, and add sightings",
             ),
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A first map from three views, and views and landmarks added to it one by one.
+//! An initial map from three views, and views and landmarks added to it one by one.
 
 use super::map::{FixedMap, check_landmark, check_view};
 use crate::error::Error;
@@ -9,7 +9,7 @@ use crate::kernels::{
 };
 use crate::scalar::Real;
 
-/// Which of the two maps that three views allow.
+/// The choice between the two maps that explain three views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Branch {
     /// The one with fewer inconsistent sightings, then the lower cost.
@@ -18,22 +18,22 @@ pub enum Branch {
     Other,
 }
 
-/// Rounds of Sampson weights in a start: two reach the accuracy of maximum likelihood.
+/// Rounds of Sampson weights at the start: two reach the accuracy of maximum likelihood.
 const REWEIGHTS: usize = 2;
 
 impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
-    /// Begins the map anew from three views that see five landmarks or more in common.
+    /// Restarts the map from three views that have at least five landmarks in common.
     ///
-    /// All poses and landmarks are forgotten, all sightings kept. The three views get the poses of a
+    /// All poses and landmarks are discarded, all sightings kept. The three views get the poses of a
     /// motion of [`three_view`]: the first at the origin with heading 0, the second at distance 1.
-    /// Landmarks that two of them see are triangulated. The motions of both branches are returned: when
-    /// the numbers of their inconsistent sightings are the same, go on with both, in a map each,
-    /// until a fourth view tells them apart by the cost. The stack holds `3 N` bearings beside what
-    /// [`three_view`] takes.
+    /// Landmarks that at least two of them see are triangulated. The motions of both branches are
+    /// returned. If they have the same number of inconsistent sightings, continue with both, each in a map
+    /// of its own, until the cost with a fourth view decides. The stack holds `3 N` bearings in addition to
+    /// what [`three_view`] needs.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a view beyond the map, and those of [`three_view`]; the map is then as
-    /// it was.
+    /// [`Error::OutOfRange`] for a view beyond the map, and those of [`three_view`]; the map is then
+    /// unchanged.
     ///
     /// # Example
     /// See [`FixedMap`].
@@ -66,7 +66,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
                 .for_each(|to| *to = Some(pose));
         }
         for landmark in 0..N {
-            // What it cannot fix stays out.
+            // A landmark that cannot be triangulated stays undetermined.
             let _ = self.add_landmark(landmark);
         }
         Ok(found)
@@ -83,14 +83,14 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         })
     }
 
-    /// Adds a view, or places it anew: its pose from the determined landmarks that it sees.
+    /// Adds a view, or replaces its pose, by resection from the determined landmarks that it sees.
     ///
-    /// Look at the result: a view with sightings `behind` it or a large `misfit` contradicts the map,
-    /// and one whose `gap` is no larger than the `misfit` is not determined.
+    /// Check the result: a view with sightings `behind` it or a large `misfit` contradicts the map, and one
+    /// whose `gap` is no larger than the `misfit` is not determined.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a view beyond the map, and those of [`resect`], [`Error::TooFew`] below
-    /// three landmarks among them; the map is then as it was.
+    /// [`Error::OutOfRange`] for a view beyond the map, and those of [`resect`], such as [`Error::TooFew`]
+    /// below three landmarks; the map is then unchanged.
     ///
     /// # Example
     /// See [`FixedMap`].
@@ -105,13 +105,13 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         Ok(found)
     }
 
-    /// Adds a landmark, or places it anew, where the rays of the determined views that see it meet.
+    /// Adds a landmark, or replaces its position, by triangulation from the determined views that see it.
     ///
-    /// Look at the result: one that is `behind` a view contradicts the map.
+    /// Check the result: a landmark that is `behind` a view contradicts the map.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a landmark beyond the map, and those of [`triangulate`],
-    /// [`Error::TooFew`] below two views among them; the map is then as it was.
+    /// [`Error::OutOfRange`] for a landmark beyond the map, and those of [`triangulate`], such as
+    /// [`Error::TooFew`] below two views; the map is then unchanged.
     ///
     /// # Example
     /// ```

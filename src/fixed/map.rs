@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The map itself: what it stores, and what can be asked of it.
+//! The map itself: its data, residuals and gauge.
 
 use crate::error::Error;
 use crate::geometry::{Bearing, Pose, transform_pose};
@@ -7,10 +7,10 @@ use crate::lm::{BearingRow, Ray};
 use crate::scalar::Real;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 
-/// A map of up to `M` views and `N` landmarks, and the bearings it is made from.
+/// A map of up to `M` views and `N` landmarks, and the bearings that it is estimated from.
 ///
 /// In `f32` a map of 8 views and 12 landmarks takes 1840 bytes, one of 16 views and 24 landmarks
-/// 6752, and the [`Workspace`](super::Workspace) beside it 4672 and 17024; in `f64` twice that.
+/// 6752, and the [`Workspace`](super::Workspace) for each 4672 and 17024; in `f64` twice that.
 ///
 /// # Example
 /// A map from the scans of three views, then a fourth view, all refined:
@@ -54,7 +54,7 @@ impl<T: Real, const M: usize, const N: usize> Default for FixedMap<T, M, N> {
 }
 
 impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
-    /// A map with nothing in it.
+    /// An empty map.
     pub const fn new() -> Self {
         Self {
             poses: [None; M],
@@ -63,14 +63,14 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         }
     }
 
-    /// Takes down that a view sees a landmark, in place of what was known of the two.
+    /// Stores a sighting, replacing any earlier one of this landmark from this view.
     ///
     /// `sigma` is the standard deviation of the bearing \[rad\].
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a view or landmark beyond the map, [`Error::NotFinite`] for a
-    /// bearing that is not, [`Error::NotPositive`] for a `sigma` that is not (or whose square or its
-    /// inverse is none).
+    /// [`Error::OutOfRange`] for a view or landmark beyond the map, [`Error::NotFinite`] for a bearing that
+    /// is not finite, [`Error::NotPositive`] for a `sigma` that is not positive (or whose inverse square
+    /// over- or underflows).
     pub fn see(
         &mut self,
         view: usize,
@@ -105,7 +105,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         Ok(())
     }
 
-    /// Forgets a view with all it has seen, so that another may take its place.
+    /// Removes a view with all its sightings, so that another can take its place.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a view beyond the map.
@@ -124,7 +124,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         Ok(())
     }
 
-    /// Forgets a landmark with all that has been seen of it, so that another may take its place.
+    /// Removes a landmark with all its sightings, so that another can take its place.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a landmark beyond the map.
@@ -143,14 +143,14 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         Ok(())
     }
 
-    /// View, landmark and residual of every sighting between what is determined: predicted minus
-    /// measured bearing \[rad\] in (-pi, pi].
+    /// View, landmark and residual of every sighting between determined views and landmarks: predicted
+    /// minus measured bearing \[rad\] in (-pi, pi].
     pub fn residuals(&self) -> impl Iterator<Item = (usize, usize, T)> + '_ {
         self.rows()
             .map(|(view, landmark, row)| (view, landmark, row.residual / row.weight))
     }
 
-    /// Half the sum of squares of residual over sigma.
+    /// Half the sum of squared residuals over sigma.
     pub fn cost(&self) -> T {
         let squares = self.rows().map(|(_, _, row)| row.residual * row.residual);
         squares.fold(T::zero(), |sum, square| sum + square) * T::lit(0.5)
@@ -173,7 +173,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     /// Brings the map into the gauge of this crate: the first determined view at the origin with heading
     /// 0, and a root-mean-square distance of 1 of the other views from it.
     ///
-    /// Left as it is when all views are in one place, or too far apart for the number type.
+    /// Unchanged when all views are in one place, or too far apart for the number type.
     pub fn normalize(&mut self) {
         let mut views = self.poses.iter().flatten();
         let Some(first) = views.next().copied() else {
@@ -192,7 +192,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         let shift = Translation2::from(home.translation.vector * scale);
         let similarity = Similarity2::from_parts(shift, home.rotation, scale);
         for (k, pose) in self.poses.iter_mut().flatten().enumerate() {
-            // The first view exactly, and unit rotations again.
+            // Make the first view exact, and rotations unit again.
             *pose = if k == 0 {
                 Pose::identity()
             } else {
@@ -206,7 +206,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         }
     }
 
-    /// View, landmark and linearised residual of every sighting between what is determined.
+    /// View, landmark and linearised residual of every sighting between determined views and landmarks.
     pub(super) fn rows(&self) -> impl Iterator<Item = (usize, usize, BearingRow<T>)> + '_ {
         let landmarks = self.landmarks.iter().zip(&self.sightings).enumerate();
         landmarks.flat_map(move |(landmark, (point, seen))| {

@@ -14,22 +14,23 @@ use crate::scalar::Real;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 
 impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
-    /// Refines the map in place: the least sum of losses of wrapped bearing residuals over sigma.
+    /// Refines the map in place: minimises the sum of losses of wrapped bearing residuals over sigma.
     ///
-    /// Levenberg-Marquardt with the landmarks eliminated and put back onto their rays after each step.
-    /// What the rest does not fix is taken out first, see [`FixedMap::prune`]. The gauge is free and drifts a little with damped
-    /// steps; fix it afterwards with [`FixedMap::normalize`].
+    /// Levenberg-Marquardt with the landmarks eliminated and moved back onto their rays after each step.
+    /// Views and landmarks that the rest does not determine are removed first, see [`FixedMap::prune`]. The
+    /// gauge is free and drifts slightly with damped steps; fix it afterwards with
+    /// [`FixedMap::normalize`].
     ///
     /// The time is at most that of `max_iterations` iterations. One takes about `7 N M^2 + 9/2 M^3`
     /// multiplications for the step, and every sighting is linearised three times, with an arctangent
     /// each where its error exceeds 1/16 rad; `M` counts the views up to the last determined one. The
-    /// stack takes about 2 kB on x86-64, whatever `M` and `N`. A landmark that maximum likelihood puts on
-    /// a view or at infinity goes on towards it until the cost hardly falls or the iterations run
-    /// out.
+    /// stack takes about 2 kB on x86-64, whatever `M` and `N`. A landmark whose maximum-likelihood position
+    /// is on a view or at infinity keeps moving towards it until the cost hardly falls or the maximum number
+    /// of iterations is reached.
     ///
     /// # Errors
-    /// [`Error::TooFew`] when no three sightings are left, [`Error::NotFinite`] when the start is not
-    /// finite, [`Error::Degenerate`] when it is a single place. What has been taken out stays out.
+    /// [`Error::TooFew`] when no view is determined, [`Error::NotFinite`] when the start is not finite,
+    /// [`Error::Degenerate`] when all of it is in one place. Removed views and landmarks stay removed.
     ///
     /// # Example
     /// ```
@@ -64,7 +65,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
             .filter(|(pose, _)| pose.is_some());
         let Some((_, used)) = used.last() else {
             return Err(Error::TooFew {
-                what: "views of the start that see three landmarks of it",
+                what: "views of the start that see at least three of its landmarks",
                 needed: 1,
                 got: 0,
             });
@@ -89,10 +90,10 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         outcome
     }
 
-    /// Takes out what the rest does not fix: views that see fewer than three determined landmarks, and
-    /// landmarks that fewer than two determined views see. Returns how many of both.
+    /// Removes what the rest does not determine: views that see fewer than three determined landmarks, and
+    /// landmarks that fewer than two determined views see. Returns how many were removed.
     ///
-    /// [`FixedMap::refine`] begins with it; ask before when you want to be told.
+    /// [`FixedMap::refine`] does this first; call it yourself to get the number.
     pub fn prune(&mut self) -> usize {
         let mut dropped = 0;
         // Each round but the last drops something.
@@ -138,12 +139,12 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     }
 }
 
-/// A map on its way to the minimum, linearised in the workspace.
+/// A map under refinement, linearised in the workspace.
 struct FixedBundle<'a, T: Real, const M: usize, const N: usize> {
     map: &'a mut FixedMap<T, M, N>,
     workspace: &'a mut Workspace<T, M, N>,
     model: SightingModel<T>,
-    /// Of the views the first so many may be determined.
+    /// Only the first this many views may be determined.
     used: usize,
     cost: T,
     /// The cost of the map in the workspace.
@@ -180,7 +181,7 @@ impl<'a, T: Real, const M: usize, const N: usize> FixedBundle<'a, T, M, N> {
         })
     }
 
-    /// Linearises all sightings of the map; its cost.
+    /// Linearises all sightings of the map and returns its cost.
     fn linearize(&mut self) -> T {
         let landmarks = self.map.landmarks.iter().zip(&self.map.sightings);
         let mut sum = T::zero();
@@ -196,7 +197,7 @@ impl<'a, T: Real, const M: usize, const N: usize> FixedBundle<'a, T, M, N> {
     }
 }
 
-/// Linearises the rays to a landmark at a place.
+/// Linearises the rays to a landmark at a position.
 #[inline]
 fn linearize<T: Real, const M: usize>(
     poses: &[Option<Pose<T>>; M],
@@ -302,7 +303,7 @@ impl<T: Real, const M: usize, const N: usize> LeastSquares<T> for FixedBundle<'_
 #[inline]
 fn moved<T: Real>(pose: &Pose<T>, [x, y, theta]: &[T; 3]) -> Pose<T> {
     let turned = pose.rotation.into_inner() * UnitComplex::new(*theta).into_inner();
-    // First-order normalisation keeps rounding from adding up.
+    // First-order normalisation, so that rounding does not accumulate.
     let scale = (T::lit(3.0) - turned.norm_sqr()) * T::lit(0.5);
     Pose::from_parts(
         Translation2::from(pose.translation.vector + Vector2::new(*x, *y)),

@@ -7,9 +7,9 @@ use crate::lm::{BearingRow, LandmarkNormal, ZERO_PIVOT_EPS};
 use crate::scalar::Real;
 use nalgebra::{Point2, Vector2};
 
-/// What a refinement works in; nothing of it outlives a call.
+/// The working memory of a refinement; its contents are not kept between calls.
 ///
-/// `new` is constant, for a static in `f32` or `f64`; generic code takes the default. For its size see
+/// `new` is a `const fn`, for a static in `f32` or `f64`; generic code uses `default`. For its size see
 /// [`FixedMap`](super::FixedMap).
 #[derive(Clone, Debug)]
 pub struct Workspace<T: Real, const M: usize, const N: usize> {
@@ -27,7 +27,7 @@ pub struct Workspace<T: Real, const M: usize, const N: usize> {
     diagonal: [[T; 3]; M],
     /// Factors of the landmarks.
     points: [PointFactor<T>; N],
-    /// Of the landmark at work: `L^-1` times the derivative with respect to it.
+    /// `L^-1` times the derivatives with respect to the current landmark.
     whitened: [[T; 2]; M],
 }
 
@@ -56,11 +56,11 @@ impl<T: Real, const M: usize, const N: usize> Default for Workspace<T, M, N> {
 struct PointFactor<T: Real>([T; 3]);
 
 impl<T: Real> PointFactor<T> {
-    /// Of the damped information of a landmark (xx, xy, yy).
+    /// The factor of the damped information of a landmark (xx, xy, yy).
     ///
-    /// A pivot that is rounding belongs to a direction that no sighting determines, such as the range of a
-    /// landmark at infinity. Its entry in the factor is zero, so that the direction gets no step and the others are
-    /// solved for as if it were not there. `None` for numbers that are not finite.
+    /// A pivot that is only rounding belongs to a direction that no sighting determines, such as the range of a
+    /// landmark at infinity. Its entry in the factor is set to zero, so that the direction gets no step and the others
+    /// are solved for as if it did not exist. `None` for numbers that are not finite.
     #[inline]
     fn new([xx, xy, yy]: [T; 3], damping: T) -> Option<Self> {
         let root = |pivot: T, whole: T| {
@@ -112,10 +112,11 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
         }
     }
 
-    /// Solves for the step of the poses, of which the first `used` may be determined.
+    /// Solves for the step of the poses, of which only the first `used` may be determined.
     ///
     /// Directions along which no residual changes get the stiffness of an average parameter. The right-hand side is
-    /// at right angles to them, so this fixes the gauge and, without damping, changes nothing else. `false` when the system is not positive definite.
+    /// orthogonal to them, so this fixes the gauge and, without damping, changes nothing else. `false` when the system
+    /// is not positive definite.
     pub(super) fn solve(&mut self, poses: &[Option<Pose<T>>; M], used: usize, damping: T) -> bool {
         let zero = T::zero();
         for row in self.matrix.iter_mut().take(used) {
@@ -135,7 +136,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
                 return false;
             };
             for (pivot, information) in [xx, yy, tt].into_iter().zip(conditional) {
-                // A parameter on which no residual depends, as with a loss, gets no step.
+                // A parameter on which no residual depends, for example because of the loss, gets no step.
                 *pivot += if *information > zero {
                     *information * damping
                 } else {
@@ -190,7 +191,7 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
         true
     }
 
-    /// Stiffens translation, rotation and scaling of the poses, (T14).
+    /// Adds stiffness along translation, rotation and scale of the poses, (T14).
     fn fix_gauge(&mut self, poses: &[Option<Pose<T>>; M]) {
         let positions = || poses.iter().flatten().map(|pose| pose.translation.vector);
         let count = positions().fold(T::zero(), |sum, _| sum + T::one());
@@ -227,8 +228,8 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
         }
     }
 
-    /// The step of one landmark after that of the poses, and the sum of squared residuals before it and,
-    /// as the linear model predicts, after it.
+    /// The step of one landmark after that of the poses, and the sum of squared residuals before the step and,
+    /// as predicted by the linear model, after it.
     #[inline]
     pub(super) fn step_of_landmark(&self, landmark: usize) -> Option<(Vector2<T>, [T; 2])> {
         let (rows, factor) = (self.rows.get(landmark)?, self.points.get(landmark)?);

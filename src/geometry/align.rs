@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The similarity that takes one set of points to another.
+//! The similarity that maps one set of points to another.
 
 use crate::error::{Degeneracy, Error};
 use crate::geometry::Pose;
@@ -12,8 +12,9 @@ use nalgebra::{Complex, Point2, Similarity2, Translation2, UnitComplex};
 /// `s e^{i angle} = sum(conj(source) target) / sum |source|^2`. No reflection is ever returned.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] for sets of different size, [`Error::TooFew`] for fewer than two
-/// points, [`Error::Degenerate`] when one set is a single place.
+/// [`Error::LengthMismatch`] for sets of different size, [`Error::TooFew`] for fewer than two points,
+/// [`Error::NotFinite`] for a point that is not finite, [`Error::Degenerate`] when all points of a set are in
+/// one place.
 ///
 /// # Example
 /// ```
@@ -46,8 +47,8 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
     let (from, to) = (centroid(source), centroid(target));
     let is_finite = |p: &Point2<T>| p.x.is_finite() && p.y.is_finite();
     for (what, points, mean) in [("source", source, from), ("target", target, to)] {
-        // The mean of finite points may overflow, but one that is not finite makes the mean so, too: the points
-        // need a look only then.
+        // A point that is not finite makes the mean so as well, but the mean of finite points may overflow: only
+        // then check each point.
         if !is_finite(&mean)
             && let Some(index) = points.iter().position(|p| !is_finite(p))
         {
@@ -82,7 +83,7 @@ pub fn align<T: Real>(source: &[Point2<T>], target: &[Point2<T>]) -> Result<Simi
     ))
 }
 
-/// The pose as seen after the plane has been moved by a similarity.
+/// The pose after transforming the plane by a similarity.
 pub fn transform_pose<T: Real>(similarity: &Similarity2<T>, pose: &Pose<T>) -> Pose<T> {
     let position = similarity.transform_point(&pose.translation.vector.into());
     Pose::from_parts(
@@ -91,8 +92,8 @@ pub fn transform_pose<T: Real>(similarity: &Similarity2<T>, pose: &Pose<T>) -> P
     )
 }
 
-/// Summed coordinate by coordinate: a vector as the running sum is passed packed in a register, and unpacked
-/// for each point.
+/// The mean, summed by coordinate: a vector as the running sum would be packed in a register and unpacked for
+/// each point.
 fn centroid<T: Real>(points: &[Point2<T>]) -> Point2<T> {
     let (mut x, mut y) = (T::zero(), T::zero());
     for point in points {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A bearing is a unit vector in the frame of the view that measured it.
+//! Bearings and poses. A bearing is a unit vector in the frame of the view that measured it.
 
 use crate::scalar::Real;
 use nalgebra::{Isometry2, Point2, UnitComplex, Vector2};
@@ -26,8 +26,8 @@ pub fn pose<T: Real>(x: T, y: T, theta: T) -> Pose<T> {
     Isometry2::new(Vector2::new(x, y), theta)
 }
 
-/// The coordinates `(x, y, theta)` of a pose, theta in (-pi, pi] \[rad\]: the inverse of [`pose`], and what prints
-/// in one line.
+/// The coordinates `(x, y, theta)` of a pose, theta in (-pi, pi] \[rad\]: the inverse of [`pose`], and convenient
+/// to print.
 ///
 /// # Example
 /// ```
@@ -80,8 +80,8 @@ pub fn is_ahead<T: Real>(pose: &Pose<T>, bearing: &Bearing<T>, point: &Point2<T>
 
 /// The angle of the vector `(x, y)` in (-pi, pi].
 ///
-/// Residuals are small angles nearly always, so the arctangent of a small ratio is summed from its
-/// series: seven terms leave less than 1e-18 below a ratio of 1/16.
+/// Residuals are nearly always small angles, so the arctangent of a ratio up to 1/16 is summed from its
+/// series: seven terms leave less than 1e-18.
 #[inline]
 pub fn signed_angle<T: Real>(x: T, y: T) -> T {
     if y.abs() <= x * T::lit(SERIES_RANGE) && x > T::zero() {
@@ -97,7 +97,7 @@ pub fn signed_angle<T: Real>(x: T, y: T) -> T {
     }
 }
 
-/// Largest ratio for which [`signed_angle`] sums the series: the first term that it leaves out is there
+/// Largest ratio for which [`signed_angle`] sums the series: there the last of the seven terms is
 /// 1 / (13 * 16^12) = 2.7e-16 of the angle, about one unit of rounding.
 const SERIES_RANGE: f64 = 1.0 / 16.0;
 

@@ -20,7 +20,7 @@ pub fn spread(points: &[Vector2<f64>]) -> f64 {
         .fold(0.0, |sum, p| sum + (p - centre).norm_squared())
 }
 
-/// The longer side of the box around some places.
+/// The longer side of the bounding box of some positions.
 pub fn extent<T: Real>(mut places: impl Iterator<Item = Vector2<T>>) -> T {
     let Some(first) = places.next() else {
         return T::zero();
@@ -31,12 +31,12 @@ pub fn extent<T: Real>(mut places: impl Iterator<Item = Vector2<T>>) -> T {
     (high - low).amax()
 }
 
-/// The extent of the views of a start (where they are in one place, of all) as a power of two, so that
-/// scaling by it loses no digit.
+/// The extent of the views of a start (of all positions, if the views are in one place), rounded to a power of
+/// two, so that scaling by it is exact.
 ///
 /// # Errors
-/// [`Error::NotFinite`] for a position that is not, by its number, views first; [`Error::Degenerate`] when all
-/// is in one place.
+/// [`Error::NotFinite`] for a position that is not finite, with its index, views first; [`Error::Degenerate`]
+/// when everything is in one place.
 pub fn unit<T: Real>(
     views: impl Iterator<Item = Vector2<T>> + Clone,
     landmarks: impl Iterator<Item = Vector2<T>> + Clone,
@@ -66,13 +66,13 @@ pub fn unit<T: Real>(
     }
 }
 
-/// Range, in extents of the views, that leaves half of the digits to tell directions: as good as infinity.
+/// Range, in extents of the views, at which half of the digits are left for directions: as good as infinity.
 pub fn horizon<T: Real>() -> T {
     T::lit(0.1) / T::eps().sqrt()
 }
 
-/// A place within the horizon around `home`: one beyond, which cannot be told from infinity, comes to where
-/// it just can.
+/// Moves a position beyond the horizon around `home`, which is indistinguishable from infinity, back to the
+/// horizon.
 pub fn within_horizon<T: Real>(place: Vector2<T>, home: &Vector2<T>) -> Vector2<T> {
     let offset = place - home;
     if offset.amax() > horizon() {

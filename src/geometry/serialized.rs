@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Poses and points as `serde` writes and reads them: `[x, y, theta]` \[length, rad\] and `[x, y]`.
+//! Serialisation of poses as `[x, y, theta]` \[length, rad\] and of points as `[x, y]`.
 //!
-//! A rotation that is read is a rotation whatever the numbers are, which a complex number would not be.
+//! Any number read as theta gives a valid rotation, unlike a pair of numbers read as a complex number.
 
 /// `#[serde(with = ...)]` of a pose.
 pub mod pose {

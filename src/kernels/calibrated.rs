@@ -26,29 +26,29 @@ use nalgebra::{Complex, Vector6};
 pub struct CalibratedTensor<T: Real> {
     /// A, B, C, with `|A|^2 + |B|^2 + |C|^2 = 1`.
     pub coefficients: [Complex<T>; 3],
-    /// The two smallest singular values of the (weighted) linear system, the smallest first. A
-    /// second one that is no larger than noise makes it says that the landmarks do not determine the
-    /// motion. After a reweight the second is an estimate: up to three times as large, and too small by
-    /// a hundredth at most where the noise moves the tensor by a tenth.
+    /// The two smallest singular values of the (weighted) linear system, the smallest first. If the
+    /// second is no larger than noise explains, the landmarks do not determine the motion. After
+    /// reweighting the second is an estimate: up to three times too large, and at most a hundredth too
+    /// small where the noise moves the tensor by a tenth.
     pub singular_values: [T; 2],
 }
 
-/// Fewest landmarks that determine the calibrated tensor linearly.
+/// Minimum number of landmarks that determine the calibrated tensor linearly.
 pub(super) const MIN_LANDMARKS: usize = 5;
 
 impl<T: Real> CalibratedTensor<T> {
     /// Estimates the tensor from the bearings of `n >= 5` landmarks.
     ///
-    /// The null vector of one row per landmark; with `reweights > 0` the rows are divided by the
-    /// standard deviation that equal noise in all bearings gives them at the current estimate
-    /// (Sampson weights, (T4)) and the vector is found again, that many times. One or two reach the
-    /// accuracy of maximum likelihood.
+    /// It is the null vector of a matrix with one row per landmark. With `reweights > 0` the rows are
+    /// divided by their standard deviations for equal noise in all bearings at the current estimate
+    /// (Sampson weights, (T4)) and the vector is recomputed, that many times. One or two reach the accuracy
+    /// of maximum likelihood.
     ///
     /// # Errors
-    /// [`Error::TooFew`] for fewer than five landmarks, [`Error::NotFinite`] for a bearing that is not,
-    /// [`Error::Degenerate`] when the second
-    /// smallest singular value is rounding: all landmarks lie on one cubic curve through the views
-    /// (a straight wall, a circle through them), or views coincide.
+    /// [`Error::TooFew`] for fewer than five landmarks, [`Error::NotFinite`] for a bearing that is not
+    /// finite, [`Error::Degenerate`] when the second smallest singular value is only rounding: all landmarks
+    /// lie on one cubic curve through the views (a straight wall, a circle through them), or views
+    /// coincide.
     pub fn estimate(triples: &[Triple<T>], reweights: usize) -> Result<Self, Error> {
         if triples.len() < MIN_LANDMARKS {
             return Err(Error::TooFew {
@@ -59,12 +59,12 @@ impl<T: Real> CalibratedTensor<T> {
         }
         let bound = T::eps() * T::lit(64.0) * T::lit(triples.len() as f64).sqrt();
         let tensor = if let [a, b, c, d, e] = triples {
-            // Five landmarks are explained exactly, however they are weighted.
+            // Five landmarks are explained exactly whatever their weights.
             let rows = [a, b, c, d, e].map(|triple| real(products(complex(triple))));
             let (vector, second) = null_vector_5x6(&rows);
             Self::from_vector(&vector, [T::zero(), second])
         } else {
-            // Weights are only wanted where there are reweights.
+            // The Gram matrices are for reweighting only.
             let by_gram = if reweights > 0 {
                 Self::by_gram(triples, reweights)
             } else {
@@ -75,7 +75,7 @@ impl<T: Real> CalibratedTensor<T> {
                 None => Self::by_qr(triples, reweights, bound),
             }
         };
-        // A bearing that is not finite makes every coefficient so: looked for only then.
+        // A bearing that is not finite makes every coefficient so: only then look for it.
         let [a, b, c] = tensor.coefficients;
         let finite = (a + b + c).norm_sqr().is_finite();
         if tensor.singular_values[1] > bound && finite {
@@ -90,8 +90,8 @@ impl<T: Real> CalibratedTensor<T> {
         }
     }
 
-    /// Two orthonormal tensors that span all that four landmarks allow, or the two best fitting for
-    /// more landmarks.
+    /// Two orthonormal tensors that span all tensors of four landmarks, or for more landmarks the two that
+    /// fit best.
     pub fn null_pair(triples: &[Triple<T>]) -> [Self; 2] {
         let null = factor(triples, |_| T::one()).null_space();
         let [first, second] = null.vectors;
@@ -112,7 +112,7 @@ impl<T: Real> CalibratedTensor<T> {
         }
     }
 
-    /// The reweighted tensor by triangular factors: for rows of every condition.
+    /// The reweighted tensor by triangular factors, for rows of any condition.
     #[inline(never)]
     fn by_qr(triples: &[Triple<T>], reweights: usize, bound: T) -> Self {
         let least = |mut factor: TriangularFactor<T, 6>| {
@@ -129,8 +129,8 @@ impl<T: Real> CalibratedTensor<T> {
         tensor
     }
 
-    /// The same by Gram matrices: at least one reweight, and well-conditioned rows. `None` where they
-    /// are not.
+    /// The same by Gram matrices, with at least one round of reweighting. `None` when the rows are not
+    /// well-conditioned.
     #[inline(never)]
     fn by_gram(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
         let mut vector = gram::approximate(&gram::products(triples, |two| row_in_lanes(two)))?;
@@ -166,7 +166,7 @@ impl<T: Real> CalibratedTensor<T> {
 
     /// One over the standard deviation of a row's residual for unit noise in the three angles, (T4).
     ///
-    /// A landmark on top of a view has no gradient; its row then keeps a bounded weight.
+    /// For a landmark on top of a view the gradient vanishes; its row keeps a bounded weight.
     #[inline]
     fn weight(&self, [p, q, r]: &[Complex<T>; 3]) -> T {
         let [a, b, c] = self.coefficients;
@@ -178,7 +178,7 @@ impl<T: Real> CalibratedTensor<T> {
     /// The square of the residual of one landmark over its standard deviation, to first order (T4), for
     /// the given variances of the three angles \[rad^2\].
     ///
-    /// A turn of a bearing by pi changes nothing.
+    /// Turning a bearing by pi does not change it.
     pub fn sampson_square(&self, triple: &Triple<T>, variances: &[T; 3]) -> T {
         let row = products(complex(triple));
         let mut value = T::zero();
@@ -190,7 +190,7 @@ impl<T: Real> CalibratedTensor<T> {
         let [va, vb, vc] = *variances;
         let (fa, fb, fc) = (a + b - c, a - b + c, b + c - a);
         let variance = fa * fa * va + fb * fb * vb + fc * fc * vc;
-        // On top of a view both vanish, and nothing is wrong with the landmark.
+        // On top of a view both vanish, and the landmark is not an outlier.
         value * value / (variance + T::eps() * T::eps())
     }
 
@@ -206,7 +206,7 @@ impl<T: Real> CalibratedTensor<T> {
                     let (u, v, w) = (unit[i], unit[j], unit[k]);
                     let [p, q, r] = products([u, v, w]);
                     let [a, b, c] = self.coefficients;
-                    // The three frequencies are orthogonal: without the half the norm would be 2.
+                    // The three frequencies are orthogonal: without the factor one half the norm would be 2.
                     (a * p + b * q + c * r).re * T::lit(0.5)
                 })
             })
@@ -279,13 +279,13 @@ mod tests {
     extern crate alloc;
     use alloc::vec::Vec;
 
-    /// Numbers in (-1, 1) of no pattern.
+    /// Pseudo-random numbers in (-1, 1).
     fn number(seed: usize) -> f64 {
         ((seed as f64 * 12.9898).sin() * 43_758.545_3).rem_euclid(2.0) - 1.0
     }
 
-    /// Bearings of landmarks on both sides of three views, wrong by up to `noise`; `flat` draws the landmarks to
-    /// a line.
+    /// Bearings of landmarks on both sides of three views, with errors up to `noise`; a small `flat` moves the
+    /// landmarks close to a line.
     fn scene(seed: usize, count: usize, noise: f64, flat: f64) -> Vec<Triple<f64>> {
         let seed = 1000 * seed;
         let views: [_; 3] = core::array::from_fn(|k| {
@@ -304,7 +304,7 @@ mod tests {
     }
 
     /// The reweighted tensor and both singular values, by a QR decomposition of all rows and
-    /// inverse iteration to the end.
+    /// converged inverse iteration.
     fn plain(triples: &[Triple<f64>], reweights: usize) -> CalibratedTensor<f64> {
         let mut tensor = None::<CalibratedTensor<f64>>;
         for _ in 0..=reweights {
@@ -318,7 +318,7 @@ mod tests {
                 .collect();
             let factor = OMatrix::<f64, Dyn, U6>::from_rows(&rows).qr().r();
             let mut factor = factor.fixed_rows::<6>(0).into_owned();
-            // Any small number serves for a pivot that has vanished.
+            // Any small number will do for a vanishing pivot.
             if factor[(5, 5)].abs() < 1e-30 {
                 factor[(5, 5)] = 1e-30;
             }
@@ -326,7 +326,7 @@ mod tests {
             let mut order = [0, 1, 2, 3, 4, 5];
             order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
             let mut vector = Vector6::from_element(1.0);
-            // A singular factor has no next vector, or one that is not finite.
+            // For a singular factor there is no next vector, or it is not finite.
             for _ in 0..60 {
                 let half = factor.tr_solve_upper_triangular(&vector);
                 let next = half.and_then(|half| factor.solve_upper_triangular(&half.normalize()));
@@ -341,7 +341,7 @@ mod tests {
         tensor.unwrap()
     }
 
-    /// The distance of two tensors of unit length, whatever their signs.
+    /// The distance between two tensors of unit norm, up to sign.
     fn apart(a: &CalibratedTensor<f64>, b: &CalibratedTensor<f64>) -> f64 {
         let [less, more] = [1.0, -1.0].map(|sign| {
             let both = a.coefficients.iter().zip(&b.coefficients);
@@ -362,10 +362,10 @@ mod tests {
             };
             answered += 1;
             let expected = plain(&triples, reweights);
-            // What the noise has done to the tensor.
+            // The error of the tensor due to noise.
             let exact = plain(&scene(seed, count, 0.0, 1.0), reweights);
             let error = apart(&expected, &exact);
-            // The condition times the rounding, and the noise by its tenth digit.
+            // Rounding times the condition, and 1e-10 of the error due to noise.
             let [smallest, next] = expected.singular_values;
             let bound = 1e-14 / next.min(1.0) + 1e-10 * error;
             let distance = apart(&by_gram, &expected);
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn gram_matrices_give_no_answer_that_lacks_digits() {
         for seed in 0..100 {
-            // Landmarks on a wall, or almost: 1e-4 of it costs f64 eight digits of sixteen.
+            // Landmarks on a wall, or almost: 1e-4 off it costs f64 eight digits of sixteen.
             for flat in [0.0, 1e-7, 1e-4] {
                 let triples = scene(seed, 15, 0.0, flat);
                 assert!(

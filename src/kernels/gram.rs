@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The smallest singular vector of a tall matrix from its Gram matrix, without the loss of digits where
-//! a start is known.
+//! The smallest singular vector of a tall matrix from its Gram matrix, without loss of digits.
 //!
-//! A Gram matrix squares the condition number. For a first, approximate vector this is allowed. The final
-//! one is found as a correction of the start: the correction is small, as small as the noise, so
-//! what the squared condition number costs of its digits is small beside the noise. Where it would
-//! not be, there is no answer, and the triangular factor has to give one.
+//! A Gram matrix squares the condition number. This is acceptable for a first, approximate vector. The
+//! final one is computed as a correction of the first: the correction is as small as the noise, so the
+//! digits that it loses to the squared condition number are negligible beside the noise. Where they are
+//! not, the answer is `None`, and the triangular factor is used instead.
 
 use super::Triple;
 use super::lanes::{ComplexLanes, Lanes};
@@ -19,12 +18,12 @@ const N: usize = 6;
 /// The upper triangle of a symmetric matrix; the rest is never read.
 pub(super) type Symmetric<T> = [[T; N]; N];
 
-/// Rows of each lane that are multiplied together.
+/// Rows in each lane that are multiplied together.
 const BLOCK: usize = 4;
 
-/// The sums over all rows of column i times column j, for j from i on; the rest is zero.
+/// The sums over all rows of column i times column j, for `j >= i`; the rest is zero.
 ///
-/// `row` makes two rows from two landmarks, one in each lane; from a landmark of zeros it must make a row of zeros.
+/// `row` makes two rows from two landmarks, one in each lane; a landmark of zeros must give a row of zeros.
 #[inline(always)]
 pub(super) fn products<T: Real, const C: usize>(
     triples: &[Triple<T>],
@@ -48,7 +47,7 @@ pub(super) fn products<T: Real, const C: usize>(
                 ComplexLanes::new([first[k], second[k]])
             }));
             for (column, lanes) in columns.iter_mut().zip(made) {
-                // Always there; the compiler sees no panic then.
+                // Always present; `get_mut` lets the compiler see that nothing panics.
                 if let Some(there) = column.get_mut(place) {
                     *there = lanes;
                 }
@@ -61,7 +60,7 @@ pub(super) fn products<T: Real, const C: usize>(
 
 /// Adds the products of all pairs of columns.
 ///
-/// A function of its own: inlined, the compiler would no longer see that both lanes belong in one register.
+/// Not inlined: otherwise the compiler no longer keeps both lanes in one register.
 #[inline(never)]
 fn add<T: Real, const C: usize>(columns: &[[Lanes<T>; BLOCK]; C], sums: &mut [[Lanes<T>; C]; N]) {
     for i in 0..N {
@@ -80,18 +79,18 @@ fn complex<T: Real>(triple: &Triple<T>) -> [Complex<T>; 3] {
     triple.map(|bearing| bearing.into_inner())
 }
 
-/// Most steps of either iteration. What needs more is nearly degenerate.
+/// Maximum number of steps of either iteration. A matrix that needs more is nearly degenerate.
 const MAX_STEPS: usize = 16;
 
-/// The vector of unit length that the matrix shortens most.
+/// The unit vector that the matrix shortens most.
 ///
-/// Inverse iteration on `gram = A^T A`. `None` where a pivot says that the digits may not suffice, or
-/// where the iteration does not end.
+/// Inverse iteration on `gram = A^T A`. `None` when a pivot shows that the digits may not suffice, or
+/// when the iteration does not converge.
 pub(super) fn approximate<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
     let mut gram = *gram;
     let trace = trace(&gram);
     let inverse = factor(&mut gram, trace, T::eps() * trace)?;
-    // The first step, from the last axis, which the forward substitution leaves as it is.
+    // The first step, from the last axis, which forward substitution does not change.
     let mut vector = [T::zero(); N];
     vector[N - 1] = T::one();
     back_substitute(&gram, &mut vector);
@@ -111,8 +110,8 @@ pub(super) fn approximate<T: Real>(gram: &Symmetric<T>) -> Option<[T; N]> {
     None
 }
 
-/// Squared error of a vector that weights are taken from. The next vector is wrong by the product of
-/// this error and of its own.
+/// Squared error of a vector from which weights are computed. The error of the next vector is the product
+/// of this error and its own.
 const APPROXIMATELY_STILL: f64 = 1e-20;
 
 /// A singular vector, and the two smallest singular values, the smallest first.
@@ -125,14 +124,14 @@ pub(super) struct Corrected<T> {
 /// The smallest singular vector of A near `start`, a unit vector, from `gram = A^T A` and
 /// `image = A^T (A start)`.
 ///
-/// With `A start` formed row by row, `image` has its rounding from the condition number, not from its
-/// square. The correction z at right angles to the start obeys
+/// With `A start` formed row by row, the rounding of `image` depends on the condition number, not on its
+/// square. The correction z, orthogonal to the start, satisfies
 /// `(gram - value - change) z = -(image - value start)`, `value = start . image`, `change = image . z`.
-/// The matrix is the same in all steps, with its direction of the start filled up, so
-/// that its smallest eigenvalue is about the square of the second singular value. A second vector
-/// goes through the same steps and finds that eigenvalue.
+/// The matrix is the same in all steps, with the direction of the start stiffened, so that its smallest
+/// eigenvalue is about the square of the second singular value. A second vector goes through the same
+/// steps and finds that eigenvalue.
 ///
-/// `None` where it is so small that the digits of z may not suffice, or where the iteration does not end.
+/// `None` when it is so small that the digits of z may not suffice, or when the iteration does not converge.
 pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Option<Corrected<T>> {
     let mut gram = products.map(|[a, b, c, d, e, f, _]| [a, b, c, d, e, f]);
     let image = products.map(|[.., image]| image);
@@ -147,7 +146,7 @@ pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Op
         }
     }
     let inverse = factor(&mut gram, trace, T::zero())?;
-    // The correction, and a vector that turns to the second singular one.
+    // The correction, and a vector that converges to the second singular vector.
     let base = start.map(|start| Lanes([start, T::zero()]));
     let slope: [Lanes<T>; N] =
         core::array::from_fn(|k| Lanes([start[k] * value - image[k], T::zero()]));
@@ -179,23 +178,23 @@ pub(super) fn correct<T: Real>(products: &[[T; N + 1]; N], start: &[T; N]) -> Op
     None
 }
 
-/// Whether a vector stands still: this squared movement is no more than that, or the next one will
-/// be, with some room, if it is shorter than this one by as much as this one than the last.
+/// Whether a vector has converged: its squared movement is at most `still`, or the next one will be, with a
+/// margin, if it shrinks by the same ratio as from the last to this one.
 #[inline(always)]
 fn stands<T: Real>(movement: T, last: T, still: T) -> bool {
     movement <= still || movement * movement * T::lit(100.0) <= still * last
 }
 
-/// Squared movement that is rounding, or far below any noise.
+/// Squared movement that is only rounding, or far below any noise.
 #[inline(always)]
 fn rounding<T: Real>() -> T {
     (T::eps() * T::eps() * T::lit(64.0)).max(T::lit(1e-24))
 }
 
-/// One step of [`correct`]; by how much the eigenvalue differs from that of the start, and the squared
+/// One step of [`correct`]. Returns the change of the eigenvalue from that of the start, and the squared
 /// movement of the correction.
 ///
-/// A function of its own, as [`add`].
+/// Not inlined, for the same reason as [`add`].
 #[inline(never)]
 fn step<T: Real>(
     factor: &Symmetric<T>,
@@ -221,8 +220,8 @@ fn step<T: Real>(
     [change, movement.0[0]]
 }
 
-/// Smallest eigenvalue over trace with which the digits suffice, about the third root of the
-/// rounding: the correction then is wrong by 4e-11 of itself in `f64` and by 2e-5 in `f32`.
+/// Smallest eigenvalue over trace with which the digits suffice, about the cube root of the rounding: the
+/// relative error of the correction is then 4e-11 in `f64` and 2e-5 in `f32`.
 #[inline(always)]
 fn enough<T: Real>() -> T {
     T::lit(if T::eps() > T::lit(1e-10) { 2e-3 } else { 6e-6 })
@@ -237,10 +236,10 @@ fn trace<T: Real>(matrix: &Symmetric<T>) -> T {
     sum
 }
 
-/// Turns the upper triangle of G into that of the U in `G = U^T D U`, with ones on its diagonal; one over
-/// the numbers of D. The last of these is no less than `least`.
+/// Replaces the upper triangle of G by that of U in `G = U^T D U`, U with a unit diagonal, and returns the
+/// inverse of D. The last entry of D is raised to at least `least`.
 ///
-/// `None` for one that is too small.
+/// `None` when an entry of D is too small.
 #[inline(always)]
 fn factor<T: Real>(matrix: &mut Symmetric<T>, trace: T, least: T) -> Option<[T; N]> {
     let bound = enough::<T>() * trace;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Two numbers that go through the same operations, as the lanes of a vector register do.
+//! Two numbers that go through the same operations, like the lanes of a vector register.
 
 use crate::scalar::Real;
 use core::ops::{Add, Mul, Neg, Sub};
@@ -98,7 +98,7 @@ impl<T: Real> ComplexLanes<T> {
         [Complex::new(a, c), Complex::new(b, d)]
     }
 
-    /// Both times one number.
+    /// Both multiplied by one number.
     #[inline(always)]
     pub fn turned(self, by: Complex<T>) -> Self {
         Self {

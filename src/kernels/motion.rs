@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Relative motion of three views: where its landmarks are, and point transfer.
+//! Relative motion of three views: its landmarks, and point transfer.
 
 use super::Triple;
 use crate::geometry::{Bearing, Pose};
@@ -13,15 +13,15 @@ use nalgebra::{Complex, Point2, UnitComplex};
 pub struct Motion<T: Real> {
     /// The poses of views 0, 1 and 2.
     pub poses: [Pose<T>; 3],
-    /// How many sightings point away from their landmark, after the majority of its sightings has decided
-    /// the heading of every view.
+    /// How many sightings point away from their landmark (violate cheirality), after the heading of every
+    /// view has been decided by the majority of its sightings.
     pub inconsistent: usize,
-    /// Half the sum of squared bearing residuals \[rad^2\] of all sightings at the landmarks of
-    /// [`Motion::landmark`]; a sighting that points away counts with nearly pi.
+    /// Half the sum of squared bearing residuals \[rad^2\] of all sightings to the landmarks of
+    /// [`Motion::landmark`]; the residual of a sighting that points away is nearly pi.
     pub cost: T,
 }
 
-/// Sum of squared determinants of three lines up to which they count as parallel.
+/// Sum of squared pairwise determinants of three lines up to which they count as parallel.
 #[inline(always)]
 pub(super) fn parallel<T: Real>() -> T {
     T::eps() * T::eps()
@@ -44,8 +44,8 @@ impl<T: Real> Motion<T> {
     /// Point transfer: the bearing in view 2 of the landmark that views 0 and 1 see at `u` and `v`.
     ///
     /// Oriented, unlike [`TrifocalTensor::transfer`](super::TrifocalTensor::transfer). The landmark is
-    /// where the two lines of sight cross, ahead of the views or not: [`is_ahead`](crate::is_ahead)
-    /// tells. `None` when the two are parallel, or cross at view 2.
+    /// where the two lines of sight cross, whether ahead of the views or not: check with
+    /// [`is_ahead`](crate::is_ahead). `None` when the two are parallel, or cross at view 2.
     ///
     /// # Example
     /// ```
@@ -78,8 +78,8 @@ impl<T: Real> Motion<T> {
 
 /// The point with the least sum of squared distances to three lines.
 ///
-/// By Jacobi's formula, (T10), it is the mean of the three pairwise intersections weighted with their
-/// squared determinants: a sum of squares, so no digit is lost to cancellation as it is in normal
+/// By Jacobi's formula, (T10), it is the mean of the three pairwise intersections weighted by their
+/// squared determinants. The weight is a sum of squares, so no digits are lost to cancellation as in normal
 /// equations.
 #[inline]
 pub(super) fn meet<T: Real>(
@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use crate::geometry::{bearing_to, pose};
 
-    /// Numbers in (-1, 1) of no pattern.
+    /// Pseudo-random numbers in (-1, 1).
     fn noise(seed: usize) -> f64 {
         ((seed as f64 * 12.9898).sin() * 43_758.545_3).rem_euclid(2.0) - 1.0
     }
@@ -136,7 +136,7 @@ mod tests {
                 let found = motion.transfer(&u, &v).unwrap();
                 assert!(found.angle_to(&w).abs() < 1e-11);
             }
-            // The same direction in the map: no crossing.
+            // The same direction in the map: the lines do not cross.
             let parallel = views[1].rotation.inverse() * views[0].rotation * u;
             assert!(motion.transfer(&u, &parallel).is_none());
         }

@@ -10,24 +10,24 @@ use nalgebra::SVector;
 pub(super) struct NullSpace<T: Real, const N: usize> {
     /// The two smallest singular values, the smallest first.
     pub singular_values: [T; 2],
-    /// Their right singular vectors, of unit length and at right angles.
+    /// Their right singular vectors, orthonormal.
     pub vectors: [SVector<T, N>; 2],
 }
 
-/// Most steps of inverse iteration; a plane that needs more lies in a null space of three dimensions, of
-/// which any is as good as another.
+/// Maximum number of steps of inverse iteration. A plane that needs more lies in a null space of at least three
+/// dimensions, in which any plane is as good as another.
 const MAX_STEPS: usize = 40;
 
 /// The two smallest singular values of a triangular matrix, given row by row, and their right singular vectors.
 ///
 /// Inverse iteration on two vectors at once: their plane converges with the square of the ratio of
 /// the second to the third smallest singular value, and a 2x2 problem separates them. Ends when
-/// the first vector stands still, or after 40 steps. The second value is then an upper
+/// the first vector has converged, or after 40 steps. The second value is then an upper
 /// bound of the true one, tight where it matters: when it is small.
-// Inlined: a frame of its own would take 400 bytes more of stack for eight columns.
+// Inlined: a stack frame of its own would take 400 bytes more for eight columns.
 #[inline(always)]
 pub(super) fn null_space<T: Real, const N: usize>(factor: &[[T; N]; N]) -> NullSpace<T, N> {
-    // Squared movement of a vector that stands still: far below any noise that is there.
+    // Squared movement of a vector that has converged: far below any noise.
     let still = T::eps() * T::lit(0.1);
     let inverse = inverse_pivots(factor);
     let (zero, one) = (T::zero(), T::one());
@@ -42,15 +42,15 @@ pub(super) fn null_space<T: Real, const N: usize>(factor: &[[T; N]; N]) -> NullS
     let mut last = zero;
     for _ in 0..MAX_STEPS {
         let before = vectors;
-        // Orthonormal after each half of the step: a vanishing singular value turns both vectors
-        // into its own, and one half is all that double the digits could bear.
+        // Orthonormalise after each half step: a vanishing singular value turns both vectors
+        // towards its own, and after two halves no digits of the second would be left.
         forward_substitute(factor, &inverse, &mut vectors);
         orthonormalize(&mut vectors);
         back_substitute(factor, &inverse, &mut vectors);
         orthonormalize(&mut vectors);
         values = rayleigh_ritz(factor, &mut vectors);
         let movement = moved(&before, &vectors);
-        // With room for a next step that shortens it ten times less.
+        // With a margin for a next step that converges ten times slower.
         if movement <= still || movement * movement * T::lit(100.0) <= still * last {
             break;
         }
@@ -65,7 +65,7 @@ pub(super) fn null_space<T: Real, const N: usize>(factor: &[[T; N]; N]) -> NullS
     }
 }
 
-/// One over the pivots; for a pivot that is rounding any value of its size serves.
+/// One over the pivots; a pivot that is only rounding may be replaced by any value of its size.
 #[inline]
 fn inverse_pivots<T: Real, const N: usize>(factor: &[[T; N]; N]) -> [T; N] {
     let mut square = T::zero();
@@ -181,7 +181,7 @@ fn scale_extreme_to_unit<T: Real, const N: usize>(vectors: &mut [Lanes<T>; N]) {
 #[inline(always)]
 fn orthonormalize<T: Real, const N: usize>(vectors: &mut [Lanes<T>; N]) {
     scale_to_unit(vectors);
-    // Twice is enough, and once when little was taken away.
+    // Twice is enough, and once when little was subtracted.
     for _ in 0..2 {
         let overlap = product(vectors);
         for Lanes([first, second]) in vectors.iter_mut() {
@@ -210,8 +210,8 @@ fn moved<T: Real, const N: usize>(before: &[Lanes<T>; N], after: &[Lanes<T>; N])
     })
 }
 
-/// Turns two orthonormal vectors in their plane into the singular vectors of R there, the one with the
-/// smaller singular value first; the values.
+/// Rotates two orthonormal vectors in their plane into the singular vectors of R there, the one with the
+/// smaller singular value first; returns the values.
 #[inline(always)]
 fn rayleigh_ritz<T: Real, const N: usize>(
     factor: &[[T; N]; N],
@@ -223,7 +223,7 @@ fn rayleigh_ritz<T: Real, const N: usize>(
             images[i] = images[i] + vectors[j] * factor[i][j];
         }
     }
-    // One-sided Jacobi rotation: makes the two images orthogonal without forming their squares' difference twice.
+    // A one-sided Jacobi rotation makes the two images orthogonal.
     let (Lanes([aa, bb]), ab) = (squares(&images), product(&images));
     let zeta = (bb - aa) * T::lit(0.5);
     let reach = (zeta * zeta + ab * ab).sqrt();

@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The null vector of five rows of six numbers.
+//! The null vector of a 5x6 matrix.
 
 use super::lanes::Lanes;
 use crate::scalar::Real;
 use nalgebra::Vector6;
 
-/// Six numbers, two by two.
+/// Six numbers, in pairs.
 type Row<T> = [Lanes<T>; 3];
 
-/// The unit vector at right angles to five rows of length about 1, and an upper bound of the smallest
+/// The unit vector orthogonal to five rows of length about 1, and an upper bound of the smallest
 /// singular value of the rows.
 ///
-/// One Householder reflection per row turns it onto its own axis and leaves the axes of the rows
-/// before alone: `A = L Q`, L triangular, Q the product of the reflections. What they make of the last
-/// axis is at right angles to all rows. Of dependent rows it is one of many such vectors, and the
-/// bound is rounding.
+/// One Householder reflection per row turns it onto its own axis without changing the axes of the
+/// earlier rows: `A = L Q`, L triangular, Q the product of the reflections. The reflections turn the last
+/// axis into a vector orthogonal to all rows. If the rows are dependent it is one of many, and the bound
+/// is only rounding.
 ///
-/// The bound is `1 / |y|` for the y that takes L to the fifth axis, or the smallest pivot: tight where
-/// it is small, because y then is nearly the left singular vector.
+/// The bound is the smaller of the smallest pivot and `1 / |y|`, where y solves `y^T L = e_5^T`. It is
+/// tight where it is small, because y is then nearly the left singular vector.
 pub(super) fn null_vector_5x6<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
     let [r0, r1, r2, r3, r4] =
         rows.map(|[a, b, c, d, e, f]| [Lanes([a, b]), Lanes([c, d]), Lanes([e, f])]);
@@ -61,8 +61,8 @@ pub(super) fn null_vector_5x6<T: Real>(rows: &[[T; 6]; 5]) -> (Vector6<T>, T) {
     (Vector6::new(a, b, c, d, e, f), bound)
 }
 
-/// The vector v of the reflection `I - v v^T` that takes a row to its axis K and leaves the axes before
-/// it alone, and what comes to stand on the axis.
+/// The vector v of the reflection `I - v v^T` that turns a row onto axis K without changing the axes
+/// before it, and the resulting entry on the axis.
 #[inline(always)]
 fn reflection<T: Real, const K: usize>(row: &Row<T>) -> (Row<T>, T) {
     let mut vector = *row;
@@ -79,7 +79,7 @@ fn reflection<T: Real, const K: usize>(row: &Row<T>) -> (Row<T>, T) {
     }
     let square = dot(&vector, &vector);
     let norm = square.sqrt();
-    // Not a number goes on, into every number of the answer.
+    // NaN propagates into every number of the answer.
     let scale = if square == T::zero() {
         T::zero()
     } else {
@@ -137,7 +137,7 @@ mod tests {
     fn is_the_null_vector_of_the_triangular_factor() {
         for seed in 0..200 {
             let mut rows = rows(f64::from(seed));
-            // Nearly dependent rows: the bound must follow.
+            // Nearly dependent rows: the bound must be small as well.
             let share = [0.0, 0.9, 0.999, 1.0 - 1e-7][seed as usize % 4];
             rows[1] = core::array::from_fn(|j| share * rows[0][j] + (1.0 - share) * rows[1][j]);
             let (vector, bound) = null_vector_5x6(&rows);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The paper's three-view method: projective tensor, homographies, epipoles, motion.
+//! The three-view method of Dellaert and Stroupe: projective tensor, homographies, epipoles, motion.
 //!
-//! Symbols as in Dellaert and Stroupe, ICRA 2002, section 3: T, K, L, M, e_ij (the bearing at which
-//! view i sees view j). The scanned paper has lost minus signs in K and L; they are restored here.
+//! Symbols as in their paper, ICRA 2002, section 3: T, K, L, M, e_ij (the bearing at which view i sees
+//! view j). The scanned paper has lost minus signs in K and L; they are restored here.
 
 use super::signs::LineMotion;
 use super::triangular::TriangularFactor;
@@ -11,18 +11,17 @@ use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
 use nalgebra::{Complex, Matrix2, Vector2};
 
-/// Fewest landmarks that determine the projective tensor linearly.
+/// Minimum number of landmarks that determine the projective tensor linearly.
 pub(super) const MIN_LANDMARKS: usize = 7;
 
-/// Estimates the 2x2x2 tensor from the bearings of `n >= 7` landmarks, as the paper does.
+/// Estimates the 2x2x2 tensor from the bearings of `n >= 7` landmarks, as in the paper.
 ///
 /// The smallest right singular vector of the `n x 8` matrix with one row `u (x) v (x) w` per
 /// landmark (section 3.1).
 ///
 /// # Errors
-/// [`Error::TooFew`] for fewer than seven landmarks, [`Error::NotFinite`] for a bearing that is not,
-/// [`Error::Degenerate`] when the second smallest
-/// singular value is rounding.
+/// [`Error::TooFew`] for fewer than seven landmarks, [`Error::NotFinite`] for a bearing that is not
+/// finite, [`Error::Degenerate`] when the second smallest singular value is only rounding.
 pub fn projective_tensor<T: Real>(triples: &[Triple<T>]) -> Result<TrifocalTensor<T>, Error> {
     if triples.len() < MIN_LANDMARKS {
         return Err(Error::TooFew {
@@ -63,7 +62,7 @@ pub fn projective_tensor<T: Real>(triples: &[Triple<T>]) -> Result<TrifocalTenso
 /// `(1, 0)` and `(0, 1)` of the third view: the paper's K and L.
 ///
 /// # Panics
-/// When `from` and `to` are equal or beyond 2: a mistake in the program, not in the data.
+/// When `from` and `to` are equal or beyond 2: an error in the program, not in the data.
 pub fn intrinsic_homographies<T: Real>(
     tensor: &TrifocalTensor<T>,
     from: usize,
@@ -81,8 +80,8 @@ pub fn intrinsic_homographies<T: Real>(
     }
 }
 
-/// `relation(f, t, line)` summed over the coordinates f and t of two bearings is zero for a point on the
-/// line.
+/// From `relation(f, t, line)`, whose sum over the coordinates f and t of two bearings is zero for a point on
+/// the line.
 #[inline(always)]
 fn homographies<T: Real>(relation: impl Fn(usize, usize, usize) -> T) -> [Matrix2<T>; 2] {
     // The bearing t with `f^T relation t = 0` is `relation^T f` turned by a right angle.
@@ -103,22 +102,22 @@ pub struct Epipoles<T: Real> {
     /// `directions[k][i][j]` is the unit vector at which view i sees view j under assignment k, up to
     /// sign; NaN for `i == j`.
     pub directions: [[[Vector2<T>; 3]; 3]; 2],
-    /// Discriminant of the eigenvalue problem of M for a tensor of unit norm (its hyperdeterminant).
-    /// Negative: the eigenvalues are complex, no three real views have this tensor; the directions
-    /// then belong to the nearest double eigenvalue, which means three collinear views.
+    /// Discriminant of the eigenvalue problem of M for a tensor of unit norm (its hyperdeterminant). If it
+    /// is negative, the eigenvalues are complex and no three real views have this tensor; the directions
+    /// are then those of the nearest double eigenvalue, which means three collinear views.
     pub discriminant: T,
 }
 
 /// The epipoles of three views from their tensor.
 ///
-/// A bearing of view 1 that both homographies K and L to view 2 send to the same place points along
-/// a baseline. These are the eigenvectors of `M = L^-1 K`; here of the pencil `s K - t L`, which
-/// needs no inverse. Which of the two points to view 0 is the ambiguity: two assignments. The other
+/// A bearing of view 1 that both homographies K and L to view 2 map to the same bearing points along a
+/// baseline. These are the eigenvectors of `M = L^-1 K`, computed here from the pencil `s K - t L`, which
+/// needs no inverse. Which of the two points to view 0 is ambiguous: hence two assignments. The other
 /// four epipoles are their images under the homographies (section 3.2).
 ///
 /// # Errors
-/// [`Error::Degenerate`] when the tensor is zero or not finite, or the pencil vanishes: every bearing
-/// is an eigenvector, as with views that coincide.
+/// [`Error::Degenerate`] when the tensor is zero or not finite, or the pencil vanishes, so that every
+/// bearing is an eigenvector, as when views coincide.
 pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Error> {
     let tensor = tensor.normalized().ok_or(Error::Degenerate {
         kind: Degeneracy::VanishingTensor,
@@ -142,7 +141,7 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
     }
     let root = discriminant.max(T::zero()).sqrt();
     let half = -(b + if b < T::zero() { -root } else { root }) * T::lit(0.5);
-    // Roots (s : t) without cancellation; a double root at zero or infinity has both forms vanish.
+    // Roots (s : t) without cancellation; at a double root at zero or infinity both forms vanish.
     let tiny = size * T::eps();
     let roots = if half.abs() > tiny {
         [(half, a), (c, half)]
@@ -171,8 +170,8 @@ pub fn epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Erro
 /// The epipoles of three real views.
 ///
 /// # Errors
-/// As [`epipoles`], and [`Error::Degenerate`] with the discriminant when it is negative: noise has
-/// destroyed the geometry.
+/// As [`epipoles`], and [`Error::Degenerate`] when the discriminant is negative: noise has destroyed the
+/// geometry.
 pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>, Error> {
     let found = epipoles(tensor)?;
     if found.discriminant < T::zero() {
@@ -188,7 +187,7 @@ pub fn real_epipoles<T: Real>(tensor: &TrifocalTensor<T>) -> Result<Epipoles<T>,
 /// Both motions from the epipoles, each modulo pi in every heading (section 3.3).
 ///
 /// # Errors
-/// [`Error::Degenerate`] when a third view cannot be placed: the three are collinear, and the two
+/// [`Error::Degenerate`] when the third view cannot be placed: the three are collinear, and the two
 /// epipoles that should cross are parallel.
 pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotion<T>; 2], Error> {
     let mut result = [LineMotion {
@@ -197,11 +196,11 @@ pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotio
     }; 2];
     for (motion, e) in result.iter_mut().zip(&epipoles.directions) {
         let e = e.map(|row| row.map(|v| Complex::new(v.x, v.y)));
-        // View i sees j along the same line as j sees i, from the other end.
+        // View i sees j along the same line as j sees i, from the opposite end.
         motion.headings[0] = e[0][1] * e[1][0].conj();
         motion.headings[1] = e[0][2] * e[2][0].conj();
         motion.positions[0] = e[0][1];
-        // Third centre: where the epipole of view 0 crosses that of view 1.
+        // Third view: where the epipole of view 0 crosses that of view 1.
         let (from0, from1) = (e[0][2], motion.headings[0] * e[1][2]);
         let sine = from0.re * from1.im - from0.im * from1.re;
         let bound = T::eps() * T::lit(64.0);
@@ -219,7 +218,7 @@ pub(super) fn line_motions<T: Real>(epipoles: &Epipoles<T>) -> Result<[LineMotio
     Ok(result)
 }
 
-/// The unit vector that a (nearly) singular matrix sends (nearly) to zero.
+/// The unit vector that a (nearly) singular matrix maps (nearly) to zero.
 fn null_vector<T: Real>(matrix: &Matrix2<T>) -> Vector2<T> {
     let rows = [matrix.row(0).transpose(), matrix.row(1).transpose()];
     let longer = if rows[0].norm_squared() >= rows[1].norm_squared() {
@@ -230,7 +229,7 @@ fn null_vector<T: Real>(matrix: &Matrix2<T>) -> Vector2<T> {
     unit(Vector2::new(-longer.y, longer.x))
 }
 
-/// The common image of an epipole under both homographies, from the one that moves it more.
+/// The common image of an epipole under both homographies, computed from the longer one.
 fn image<T: Real>(homographies: &[Matrix2<T>; 2], epipole: &Vector2<T>) -> Vector2<T> {
     let images = [homographies[0] * epipole, homographies[1] * epipole];
     unit(if images[0].norm_squared() >= images[1].norm_squared() {

@@ -7,7 +7,7 @@ use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
 
-/// Fewest landmarks that fix a view.
+/// Minimum number of landmarks that determine a view.
 pub(crate) const MIN_LANDMARKS_OF_VIEW: usize = 3;
 
 /// A pose and how its sightings agree with it.
@@ -17,29 +17,29 @@ pub struct Resection<T: Real> {
     pub pose: Pose<T>,
     /// How many bearings point away from their landmark (cheirality).
     pub behind: usize,
-    /// Root mean square of the sines of the angular errors: how badly the bearings fit.
+    /// Root mean square of the sines of the angular errors.
     pub misfit: T,
-    /// The same for the worst rotation of the map. One that is no larger than the misfit says that
-    /// the pose is undetermined: view and landmarks on one circle.
+    /// The same for the worst rotation of the map. If it is no larger than the misfit, the pose is
+    /// undetermined: view and landmarks are on one circle.
     pub gap: T,
 }
 
 /// The pose from which three or more known landmarks are seen at the measured bearings.
 ///
 /// With the position of a landmark as a complex number x, the bearing `a` from the pose `(p, theta)`
-/// obeys `Im(e^{-ia} (w x + tau)) = 0`, `w = e^{-i theta}`, `tau = -w p`, (T11): one linear row in
-/// four unknowns. An orthogonal triangularisation eliminates tau and leaves a 2x2 problem for w of
-/// unit length, solved in closed form; then the sign that puts most landmarks ahead. (The paper takes
-/// the null vector of all four unknowns and scales it afterwards; with w alone held to unit length
+/// satisfies `Im(e^{-ia} (w x + tau)) = 0`, `w = e^{-i theta}`, `tau = -w p`, (T11): one linear row in
+/// four unknowns. An orthogonal triangularisation eliminates tau and leaves a 2x2 problem for w of unit
+/// length, solved in closed form; the sign is the one that puts most landmarks ahead. (The paper takes
+/// the null vector of all four unknowns and scales it afterwards; with only w constrained to unit length
 /// the answer does not depend on the origin.) The landmarks are centred and scaled first; rows are
-/// divided by the range of a first solution.
+/// divided by the ranges of a first solution.
 ///
-/// `sightings` yields a landmark and its bearing; it is run through a few times.
+/// `sightings` yields landmarks with their bearings; it is iterated several times.
 ///
 /// # Errors
 /// [`Error::TooFew`] for fewer than three landmarks; [`Error::NotFinite`] for a landmark or bearing that
-/// is not (or whose square overflows); [`Error::Degenerate`] when they are a single
-/// place, or on one circle with the view.
+/// is not finite (or whose square overflows); [`Error::Degenerate`] when all landmarks are in one place or
+/// in one direction, or on one circle with the view.
 ///
 /// # Example
 /// ```
@@ -169,7 +169,7 @@ impl<T: Real> Line<T> {
                 bound: (bound * a.abs().max(d.abs())).as_f64(),
             });
         }
-        // Right singular vectors of [[e, f], [0, g]]: a rotation by half the angle of its double.
+        // Right singular vectors of [[e, f], [0, g]]: a rotation by half the angle of `double`.
         let double = Complex::new(e * e - f * f - g * g, T::lit(2.0) * e * f);
         let length = double.norm_sqr().sqrt();
         let cosine = if length > T::zero() {
@@ -177,7 +177,7 @@ impl<T: Real> Line<T> {
         } else {
             T::one()
         };
-        // Both halves of the angle from the larger: neither loses digits near the axes.
+        // Sine and cosine of half the angle, the smaller from the larger, so that neither loses digits near the axes.
         let half = T::lit(0.5);
         let large = ((T::one() + cosine.abs()) * half).sqrt();
         let small = if length > T::zero() {
@@ -190,7 +190,7 @@ impl<T: Real> Line<T> {
         } else {
             (small, large)
         };
-        // (cos, sin) is where the matrix stretches most; w is at right angles to it.
+        // (cos, sin) is the direction that the matrix stretches most; w is orthogonal to it.
         let (w0, w1) = (-sin, cos);
         let norm = |x: T, y: T| (x * x + y * y).sqrt();
         let tau1 = -(q0 * w0 + q1 * w1) / d;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The signs of the bearings: what turns two motions of lines into motions of rays.
+//! Cheirality: the signs of the bearings resolve headings modulo pi.
 
 use super::Triple;
 use super::lanes::{ComplexLanes, Lanes};
@@ -12,17 +12,17 @@ use nalgebra::{Complex, Translation2, UnitComplex};
 /// view 0 is at the origin with heading 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineMotion<T: Real> {
-    /// `e^{i theta}` of each view.
+    /// `e^{i theta}` of views 1 and 2.
     pub headings: [Complex<T>; 2],
     /// Positions as complex numbers.
     pub positions: [Complex<T>; 2],
 }
 
-/// Resolves every pi of two motions by the signs of the bearings; each landmark goes to `place`, as
-/// both motions have it before they are turned and scaled.
+/// Resolves the headings modulo pi of two motions by the signs of the bearings. `place` gets the position
+/// of each landmark under both motions, before these are turned and scaled.
 ///
-/// (T8): turning a view by pi turns round the signs of all its sightings, so the majority of its
-/// sightings decides; turning all three is turning the map.
+/// (T8): turning a view by pi reverses the signs of all its sightings, so the majority of its sightings
+/// decides; turning all three views is turning the map.
 ///
 /// Both motions go through the same operations, each in its lane.
 pub(super) fn resolve_signs<T: Real>(
@@ -49,7 +49,7 @@ pub(super) fn resolve_signs<T: Real>(
             rays[2].cross(rays[0]),
             rays[0].cross(rays[1]),
         ];
-        // The point as in `meet`, times the weight.
+        // The point as in `meet`, multiplied by the weight.
         let weight = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
         let point = rays[0].scaled(offsets[1] * across[1] - offsets[0] * across[2])
             + rays[2].scaled(offsets[0] * across[0])
@@ -59,7 +59,7 @@ pub(super) fn resolve_signs<T: Real>(
             rays[1].dot(point - positions[0].scaled(weight)),
             rays[2].dot(point - positions[1].scaled(weight)),
         ];
-        // (T10a): one difference of nearly equal numbers instead of three.
+        // (T10a): only one difference of nearly equal numbers instead of three.
         let apart = offsets[0] * across[1] + offsets[1] * across[2];
         let beside = across.map(|across| across * apart);
         let ratios: [Lanes<T>; 3] = core::array::from_fn(|view| {
@@ -96,9 +96,9 @@ const SMALL: f64 = 1.0 / 324.0;
 
 /// The square of the arctangent of a small number, from the square of that number.
 ///
-/// The polynomial of degree 4 that meets `arctan(sqrt q)^2 / q` in the five Chebyshev points of
-/// 0 to [`SMALL`]: wrong by at most 2.3e-16 of the whole. Where fewer than ten digits are kept, degree 2 and
-/// 3.8e-10.
+/// The polynomial of degree 4 that interpolates `arctan(sqrt q)^2 / q` at the five Chebyshev points of
+/// \[0, [`SMALL`]\], with a relative error of at most 2.3e-16. For types with fewer than ten digits, degree 2
+/// and 3.8e-10.
 #[inline(always)]
 fn squared_arctangent<T: Real>(q: T) -> T {
     let sum = if T::eps() > T::lit(1e-10) {
@@ -119,16 +119,16 @@ fn squared_arctangent<T: Real>(q: T) -> T {
     sum * q
 }
 
-/// A motion with every view turned as most of its sightings want.
+/// A motion with every view turned so that most of its sightings point at their landmarks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OrientedMotion<T: Real> {
     pub motion: Motion<T>,
-    /// What the landmarks of the motion modulo pi are to be multiplied with.
+    /// Factor for the landmarks of the motion modulo pi.
     pub scale: T,
 }
 
 impl<T: Real> LineMotion<T> {
-    /// The motion with every view turned as most of its sightings want; `met` landmarks have a place.
+    /// The oriented motion; `met` landmarks have a position.
     fn turned(&self, met: usize, tallies: &[[T; 4]; 3]) -> OrientedMotion<T> {
         let met = T::lit(met as f64);
         let turned = tallies.map(|[away, ..]| away > met - away);
@@ -141,7 +141,7 @@ impl<T: Real> LineMotion<T> {
             } else {
                 (*away, *sum_away)
             };
-            // A sighting that points away misses by pi less the angle.
+            // The residual of a sighting that points away is pi minus the angle.
             cost += (T::pi() * wrong - T::lit(2.0) * sum) * T::pi();
             inconsistent += wrong;
         }
@@ -177,15 +177,14 @@ impl<T: Real> LineMotion<T> {
     }
 }
 
-/// Sightings of one view in two motions, by their sign.
+/// Sums over the sightings of one view in two motions, by sign.
 #[derive(Clone, Copy)]
 struct SignTally<T> {
-    /// How many point away from their landmark; a number of the same kind as the others, to share
-    /// their lanes.
+    /// How many point away from their landmark; of the same type as the others, to share their lanes.
     away: Lanes<T>,
-    /// Sum of the squares of the angles by which they miss the line.
+    /// Sum of the squared angles to the line of sight.
     squares: Lanes<T>,
-    /// Sum of these angles: of all sightings, and of those that point away.
+    /// Sum of these angles, over all sightings and over those that point away.
     sum: Lanes<T>,
     sum_away: Lanes<T>,
 }
@@ -201,7 +200,7 @@ impl<T: Real> SignTally<T> {
         }
     }
 
-    /// The numbers of one motion.
+    /// The sums of one motion.
     fn of(&self, k: usize) -> [T; 4] {
         [self.away, self.squares, self.sum, self.sum_away]
             .map(|lanes| if k == 0 { lanes.0[0] } else { lanes.0[1] })
@@ -217,7 +216,7 @@ impl<T: Real> SignTally<T> {
         self.away = self.away + ahead.map(|ahead| if_behind(ahead, T::one()));
     }
 
-    /// As [`Self::add`] for angles of any size, and for a landmark that has no place in one of the motions.
+    /// As [`Self::add`] for angles of any size, and for a landmark without a position in one of the motions.
     #[cold]
     #[inline(never)]
     fn add_far(&mut self, beside: Lanes<T>, ahead: Lanes<T>, meets: [bool; 2]) {
@@ -237,12 +236,12 @@ mod tests {
     use crate::geometry::{bearing_to, pose};
     use nalgebra::Point2;
 
-    /// What [`resolve_signs`] does for one motion, landmark by landmark and view by view.
+    /// The same as [`resolve_signs`] for one motion, landmark by landmark and view by view.
     fn plain(line: &LineMotion<f64>, triples: &[Triple<f64>]) -> (Motion<f64>, [bool; 3]) {
         let one = Complex::new(1.0, 0.0);
         let headings = [one, line.headings[0], line.headings[1]];
         let positions = [Complex::new(0.0, 0.0), line.positions[0], line.positions[1]];
-        // The angles by which sightings miss the line, of those that point at it and of the others.
+        // The angles to the line of sight, of sightings that point at the landmark and of those that point away.
         let mut misses = [[(0, 0.0, 0.0); 2]; 3];
         for triple in triples {
             let rays = core::array::from_fn(|view| headings[view] * triple[view].into_inner());
@@ -281,7 +280,7 @@ mod tests {
         (motion, turned)
     }
 
-    /// Numbers in (-1, 1) of no pattern.
+    /// Pseudo-random numbers in (-1, 1).
     fn noise(seed: usize) -> f64 {
         ((seed as f64 * 12.9898).sin() * 43_758.545_3).rem_euclid(2.0) - 1.0
     }
@@ -298,7 +297,7 @@ mod tests {
     fn resolving_in_lanes_is_resolving_one_by_one() {
         for trial in 0..300 {
             let lines = [line(100 * trial), line(100 * trial + 8)];
-            // Bearings of the first motion with small errors, with large ones, and of no motion at all.
+            // Bearings of the first motion with small errors, with large ones, and entirely random.
             let error = [1e-3, 0.1, 4.0][trial % 3];
             let mut triples: [Triple<f64>; 7] = core::array::from_fn(|j| {
                 let seed = 100 * trial + 16 + 8 * j;

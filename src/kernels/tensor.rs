@@ -47,7 +47,7 @@ impl<T: Real> TrifocalTensor<T> {
     }
 
     /// The Sampson residual in radians: the algebraic one over the norm of its gradient with respect
-    /// to the three angles; to first order the norm of the least correction of the bearings.
+    /// to the three angles; to first order the norm of the smallest correction of the bearings.
     ///
     /// Zero where residual and gradient both vanish (a landmark on top of a view).
     pub fn sampson_residual(&self, triple: &Triple<T>) -> T {
@@ -69,8 +69,8 @@ impl<T: Real> TrifocalTensor<T> {
 
     /// Point transfer: the bearing in view 2 of the landmark that views 0 and 1 see at `u` and `v`.
     ///
-    /// Known modulo pi: a tensor does not tell a landmark ahead from one behind. `None` when both
-    /// bearings point along the baseline, where every bearing in view 2 fits.
+    /// Known only modulo pi: a tensor does not distinguish a landmark ahead from one behind. `None` when both
+    /// bearings point along the baseline, so that every bearing in view 2 fits.
     ///
     /// # Example
     /// ```
@@ -110,7 +110,7 @@ impl<T: Real> TrifocalTensor<T> {
         if !(largest > T::zero() && largest.is_finite() && self.norm() >= T::zero()) {
             return None;
         }
-        // Two steps, lest squares overflow or vanish.
+        // Two steps, so that squares do not over- or underflow.
         let scaled = self
             .entries
             .map(|slice| slice.map(|row| row.map(|t| t / largest)));

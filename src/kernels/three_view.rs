@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Three views from nothing: tensor, motion, signs.
+//! Three views without an initial guess: tensor, motion, signs.
 
 use super::signs::resolve_signs;
 use super::{
@@ -19,12 +19,12 @@ pub enum Method {
         /// Rounds of reweighting; 2 reaches the accuracy of maximum likelihood.
         reweights: usize,
     },
-    /// The paper's: seven landmarks, eight columns, epipoles.
+    /// The method of Dellaert and Stroupe (2002): projective tensor from seven landmarks, epipoles.
     Projective,
 }
 
 impl Method {
-    /// Fewest landmarks that the method needs.
+    /// Minimum number of landmarks that the method needs.
     pub fn min_landmarks(self) -> usize {
         match self {
             Self::Calibrated { .. } => super::calibrated::MIN_LANDMARKS,
@@ -36,15 +36,15 @@ impl Method {
 /// The two motions that explain the bearings of three views equally well modulo pi.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThreeView<T: Real> {
-    /// Both, the one with fewer inconsistent sightings (then the lower cost) first. Where noise has
-    /// made the two one, they are equal.
+    /// Both motions, the one with fewer inconsistent sightings (then the lower cost) first. They are equal
+    /// where noise has merged them.
     pub motions: [Motion<T>; 2],
-    /// Height over longest side of the triangle of views is below 0.02, or noise has
-    /// left no triangle at all. The two motions have all but merged, and their error grows with the
-    /// square root of the noise: refine before use.
+    /// Whether the height over the longest side of the triangle of views is below 0.02, or noise has left no
+    /// triangle at all. The two motions have then nearly merged, and their error grows with the square root
+    /// of the noise: refine before use.
     pub near_collinear: bool,
-    /// Whether the data obey no triangle of views (complex eigenvalues in the paper's terms), so
-    /// that the nearest, a flat one, was taken.
+    /// Whether no triangle of views satisfies the data (complex eigenvalues in terms of the paper), so that
+    /// the nearest, a flat one, was taken.
     pub flattened: bool,
 }
 
@@ -54,14 +54,14 @@ const COLLINEAR_HEIGHT: f64 = 0.02;
 
 /// Poses of three views from the bearings of landmarks that all three see.
 ///
-/// Estimates the trifocal tensor, takes both motions from it and resolves every pi by the majority of
-/// the signs. Both motions fit the bearings modulo pi; the signs nearly always tell them apart, but
-/// not always: look at `inconsistent` of both before dropping the second.
+/// Estimates the trifocal tensor, derives both motions from it and resolves the headings modulo pi by the
+/// majority of the signs. Both motions fit the bearings modulo pi. The signs distinguish them nearly
+/// always, but not always: check `inconsistent` of both before you discard the second.
 ///
 /// # Errors
-/// [`Error::TooFew`] below five ([`Method::Calibrated`]) or seven ([`Method::Projective`])
-/// landmarks; [`Error::NotFinite`] for a bearing that is not; [`Error::Degenerate`] when the landmarks do not determine the motion (one wall, one
-/// circle through the views) or views coincide.
+/// [`Error::TooFew`] below five ([`Method::Calibrated`]) or seven ([`Method::Projective`]) landmarks;
+/// [`Error::NotFinite`] for a bearing that is not finite; [`Error::Degenerate`] when the landmarks do not
+/// determine the motion (one wall, one circle through the views) or views coincide.
 ///
 /// # Example
 /// ```
@@ -85,9 +85,9 @@ pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<Thre
 
 /// As [`three_view`], and the landmarks under both motions, in the order of [`ThreeView::motions`].
 ///
-/// Cheaper than [`Motion::landmark`] for each: the signs need the same points. `landmarks` is the
-/// caller's memory, one entry for each triple; a landmark is `None` where its three rays are parallel.
-/// After an error its contents mean nothing.
+/// Cheaper than calling [`Motion::landmark`] for each, because resolving the signs computes the same
+/// points. `landmarks` is memory of the caller, one entry for each triple; a landmark is `None` where its
+/// three rays are parallel. After an error its contents are unspecified.
 ///
 /// # Errors
 /// As [`three_view`], and [`Error::LengthMismatch`] for `landmarks` of another length.
@@ -138,8 +138,8 @@ pub fn three_view_with_landmarks<T: Real>(
     Ok(found)
 }
 
-/// The solution; whether its motions come in the order in which their landmarks were placed; and by
-/// what each of those is to be multiplied, in that order.
+/// The solution; whether its motions are in the order in which their landmarks were placed; and the factors
+/// for these landmarks, in that order.
 #[inline]
 fn estimate<T: Real>(
     triples: &[Triple<T>],

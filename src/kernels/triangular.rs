@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The triangular factor of a matrix whose rows come one by one.
+//! The triangular factor of a matrix whose rows are added one by one.
 
 use super::null_space::{NullSpace, null_space};
 use crate::scalar::Real;
@@ -10,8 +10,8 @@ const BLOCK: usize = 8;
 /// The factor R of `A = QR` for a matrix `A` with `N` columns and any number of rows.
 ///
 /// Rows are streamed in and folded into R by orthogonal reflections, so memory is constant and the
-/// condition number is that of `A`, not its square. A reflection acts on one row of R and the
-/// waiting rows only (the rest of its column is zero already).
+/// condition number is that of `A`, not its square. A reflection acts only on one row of R and the
+/// waiting rows, because the rest of its column is already zero.
 #[derive(Clone, Debug)]
 pub(super) struct TriangularFactor<T: Real, const N: usize> {
     /// R, row by row.
@@ -35,7 +35,7 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
     #[inline]
     pub fn push(&mut self, row: [T; N]) {
         let place = self.waiting;
-        // Always so; the compiler sees no panic then.
+        // Always true; the test lets the compiler see that nothing panics.
         if place < BLOCK {
             for (column, value) in self.block.iter_mut().zip(row) {
                 column[place] = value;
@@ -57,15 +57,15 @@ impl<T: Real, const N: usize> TriangularFactor<T, N> {
         self.waiting = 0;
     }
 
-    /// Folds the first B rows of the block, which are all that wait. B is a constant, so that the
+    /// Folds the first B rows of the block, which include all waiting ones. B is a constant, so that the
     /// loops over rows become vector operations.
     fn eliminate<const B: usize>(&mut self) {
         for k in 0..N {
-            // Copies: the compiler then keeps them in registers.
+            // A copy, which the compiler keeps in registers.
             let column = head::<T, B>(&self.block[k]);
             let pivot = self.factor[k][k];
             let below = dot(&column, &column);
-            // A NaN goes in as well, and comes out in every number.
+            // NaN passes as well, and propagates into every number.
             if below != T::zero() {
                 let norm = (pivot * pivot + below).sqrt();
                 let signed = if pivot > T::zero() { -norm } else { norm };
@@ -113,8 +113,7 @@ fn head<T: Real, const B: usize>(column: &[T; BLOCK]) -> [T; B] {
     first
 }
 
-/// The scalar product, as four interleaved sums: their order is fixed, and they fit the vector
-/// registers.
+/// The scalar product as four interleaved sums: a fixed order that suits vector registers.
 #[inline]
 fn dot<T: Real, const B: usize>(a: &[T; B], b: &[T; B]) -> T {
     let mut sums = [T::zero(); 4];
@@ -132,7 +131,7 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
 
-    /// A matrix with entries of no pattern.
+    /// A matrix with pseudo-random entries.
     fn matrix(rows: usize, seed: f64) -> DMatrix<f64> {
         DMatrix::from_fn(rows, 6, |i, j| {
             ((seed + 12.9898 * i as f64 + 78.233 * j as f64).sin() * 43758.5453).rem_euclid(2.0)

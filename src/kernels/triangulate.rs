@@ -7,7 +7,7 @@ use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2};
 
-/// Fewest views that fix a landmark.
+/// Minimum number of views that determine a landmark.
 pub(crate) const MIN_VIEWS_OF_LANDMARK: usize = 2;
 
 /// A landmark and how its sightings agree with it.
@@ -22,19 +22,19 @@ pub struct Triangulation<T: Real> {
     pub parallax: T,
 }
 
-/// The point where two or more rays meet best.
+/// The point closest to two or more rays.
 ///
 /// Least squares of the distances to the lines of sight, each divided by the range of a first
-/// solution, so that what is minimised is the sine of the angular error. Rows are folded into a
-/// triangular factor with the positions centred, so neither the distance from the origin nor the
-/// number of views costs digits.
+/// solution, so that the sine of the angular error is minimised. Rows are folded into a triangular factor
+/// with the positions centred, so that neither the distance from the origin nor the number of views
+/// costs digits.
 ///
-/// `sightings` yields a pose and the bearing measured there; it is run through twice.
+/// `sightings` yields poses with the bearings measured there; it is iterated several times.
 ///
 /// # Errors
-/// [`Error::TooFew`] for fewer than two rays, [`Error::NotFinite`] for a pose or bearing that is not (or
-/// whose square overflows), [`Error::Degenerate`] when the parallax is rounding
-/// (parallel rays, or two views along one line of sight).
+/// [`Error::TooFew`] for fewer than two rays, [`Error::NotFinite`] for a pose or bearing that is not
+/// finite (or whose square overflows), [`Error::Degenerate`] when the parallax is only rounding (parallel
+/// rays, or two views along one line of sight).
 ///
 /// # Example
 /// ```
@@ -99,7 +99,7 @@ where
     })
 }
 
-/// Weighted least squares of `cross(ray, x - position) = 0`, relative to `centre`; the parallax.
+/// Weighted least squares of `cross(ray, x - position) = 0`, relative to `centre`, and the parallax.
 fn solve<T: Real>(
     sightings: impl Iterator<Item = (Pose<T>, Bearing<T>)>,
     centre: Complex<T>,

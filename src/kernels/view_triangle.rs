@@ -30,10 +30,10 @@ impl<T: Real> CalibratedTensor<T> {
         (c - a - b) / (T::lit(2.0) * (a * b).sqrt())
     }
 
-    /// How far the data hold the motion: inversely proportional to its error for equal noise.
+    /// How well the data determine the motion: inversely proportional to its error for equal noise.
     ///
     /// The second smallest singular value bounds the error of the tensor; a flat triangle of views
-    /// multiplies it by its longest side over its height.
+    /// multiplies this error by its longest side over its height.
     pub fn quality(&self) -> T {
         let [la, lb, lc] = self.coefficients.map(|z| z.norm_sqr().sqrt());
         let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
@@ -46,8 +46,8 @@ impl<T: Real> CalibratedTensor<T> {
     /// Both motions, mirror images in their triangle of views, each modulo pi in every heading:
     /// (T5) and (T7).
     ///
-    /// A triangle that noise has broken is replaced by the nearest one, which is flat; both motions
-    /// are then the same.
+    /// If noise violates the triangle inequality, the nearest triangle is taken, which is flat; both
+    /// motions are then the same.
     ///
     /// # Errors
     /// [`Error::Degenerate`] when a side of the triangle vanishes: two views coincide.
@@ -70,7 +70,7 @@ impl<T: Real> CalibratedTensor<T> {
         let cos = ((lc - la) * (lc + la) - lb * lb) * halves;
         let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
         let sin = area.max(T::zero()).sqrt() * halves;
-        // A flat triangle has no room for a cosine other than 1 or -1.
+        // In a flat triangle the cosine is 1 or -1.
         let cos = if area > T::zero() {
             cos
         } else if cos > T::zero() {

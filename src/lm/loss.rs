@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Losses: how much a residual counts.
+//! Robust losses on residuals.
 
 use crate::scalar::Real;
 
 /// What a squared residual over sigma, `s = (r / sigma)^2`, adds to twice the cost.
 ///
-/// Odometry and priors always count with their squares.
+/// It applies to bearings only: odometry and priors always have squared loss.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -13,11 +13,11 @@ pub enum Loss<T: Real = f64> {
     /// `s`: maximum likelihood under Gaussian noise.
     #[default]
     Squared,
-    /// `s` up to `c^2`, `2 c sqrt(s) - c^2` beyond: outliers pull with a constant force.
+    /// `s` up to `c^2`, `2 c sqrt(s) - c^2` beyond: the influence of outliers is bounded.
     Huber(T),
-    /// `c^2 ln(1 + s / c^2)`: the farther an outlier, the less it pulls.
+    /// `c^2 ln(1 + s / c^2)`: the influence of an outlier decreases with its residual.
     Cauchy(T),
-    /// `min(s, c^2)`: outliers do not pull at all.
+    /// `min(s, c^2)`: outliers have no influence.
     Truncated(T),
 }
 
@@ -27,8 +27,8 @@ impl<T: Real> Loss<T> {
     pub const HUBER: f64 = 1.345;
     /// The same for [`Loss::Cauchy`] (Holland and Welsch 1977).
     pub const CAUCHY: f64 = 2.385;
-    /// Standard deviations beyond which [`Loss::Truncated`] calls a bearing an outlier: one good bearing in
-    /// 370.
+    /// Standard deviations beyond which a bearing is an outlier under [`Loss::Truncated`]: this rejects one
+    /// good bearing in 370.
     pub const TRUNCATED: f64 = 3.0;
 
     /// The loss `rho(s)` and its slope, the weight that the residual has in least squares.
@@ -85,7 +85,7 @@ mod tests {
                     (loss.evaluate(s + step).0 - loss.evaluate(s - step).0) / (2.0 * step);
                 let (value, slope) = loss.evaluate(s);
                 assert!((difference - slope).abs() < 1e-7, "{loss:?} {s}");
-                // None counts more than the square, all like it near zero.
+                // No loss exceeds the square, and all agree with it near zero.
                 assert!(value <= s && loss.evaluate(1e-9).0 > 0.99e-9);
             }
         }

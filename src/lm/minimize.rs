@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Levenberg-Marquardt, the one loop of this crate.
+//! Levenberg-Marquardt, the only minimisation loop of this crate.
 //!
 //! Minimises `F(z) = 1/2 |r(z)|^2`, with a robust [`Loss`](super::Loss) `1/2 sum rho(r_k^2)`. At the estimate
 //! the residuals are linearised, `r(z + d) = r + J d`, and the step `d` solves the normal equations with
@@ -9,9 +9,9 @@
 //! (J^T J + l diag(J^T J)) d = -J^T r
 //! ```
 //!
-//! With `l = 0` this is the step of Gauss-Newton; the larger `l` is, the shorter the step and the nearer to
-//! the steepest descent of the cost in parameters scaled by their own information. So `l` has no
-//! unit. It follows the ratio (T15) of what a step gains to what the linear model predicts:
+//! With `l = 0` this is the Gauss-Newton step; the larger `l` is, the shorter the step and the closer to
+//! steepest descent in parameters scaled by their own information, so `l` is dimensionless. It is
+//! controlled by the gain ratio (T15), the actual over the predicted decrease of the cost:
 //!
 //! | the step | is | and the damping |
 //! |---|---|---|
@@ -20,12 +20,12 @@
 //! | gains less | accepted | grows fourfold |
 //! | gains nothing, or cannot be solved for | rejected | grows tenfold |
 //!
-//! The descent has converged when a gain, or the next one as foreseen, is below the tolerance, or when not
-//! even the model predicts more. A gain that grows while the damping shrinks means that damping still
-//! limits the step: then it has not.
+//! The descent has converged when a gain, or the predicted next one, is below the tolerance, or when the
+//! model predicts no more than that. It has not converged if a gain grows while the damping shrinks,
+//! because the damping then still limits the step.
 //!
-//! The loop knows nothing of poses, landmarks and matrices: a [`LeastSquares`] problem has those. It uses no
-//! heap and cannot panic.
+//! The loop is independent of poses, landmarks and matrices, which belong to a [`LeastSquares`] problem. It
+//! uses no heap and cannot panic.
 //!
 //! # Reference
 //! K. Madsen, H. Nielsen, O. Tingleff, "Methods for non-linear least squares problems", 2004, section 3.2.
@@ -51,20 +51,20 @@ pub trait LeastSquares<T: Real> {
     /// Makes the last trial the estimate.
     fn accept(&mut self);
 
-    /// Drops the last trial. Not called when the loop ends with it.
+    /// Discards the last trial. Not called when the loop ends with it.
     fn reject(&mut self);
 
-    /// The cost of residuals that are rounding, see [`rounding`].
+    /// The cost of residuals due to rounding, see [`rounding`].
     fn rounding(&self) -> T;
 
-    /// Whether damping keeps away from where it has just been refused: in a long valley every other step
-    /// would be wasted there.
+    /// Whether the damping avoids the value at which a step was just rejected: in a long valley every other
+    /// step would be wasted there.
     fn keeps_refused_damping(&self) -> bool {
         false
     }
 
-    /// Whether the loop is to stop at the estimate just accepted, so that the caller can change the problem
-    /// and go on.
+    /// Whether the loop must stop at the estimate just accepted, so that the caller can change the problem
+    /// and continue.
     fn wants_pause(&mut self) -> bool {
         false
     }
@@ -75,11 +75,11 @@ pub trait LeastSquares<T: Real> {
 pub struct Trial<T: Real> {
     /// Its cost.
     pub cost: T,
-    /// By how much the model of the problem expects the cost to fall.
+    /// The decrease of the cost that the model predicts.
     pub predicted: T,
 }
 
-/// What a refinement did.
+/// The result of a minimisation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome<T: Real = f64> {
     /// How it ended; [`Termination::MaxIterations`] also where the problem wanted a pause.
@@ -131,8 +131,8 @@ pub fn minimize<T: Real>(
                 let gained = cost - lower;
                 cost = lower;
                 problem.accept();
-                // Near the minimum each gain is a small, shrinking part of the one before: what is
-                // left to gain is at most the next one.
+                // Near the minimum each gain is a small and shrinking fraction of the one before, so that
+                // the remaining gain is about the next one.
                 let rate = gained / last_gain;
                 let left = if rate < T::lit(CONVERGING) {
                     gained * rate
@@ -180,7 +180,7 @@ pub fn minimize<T: Real>(
     })
 }
 
-/// The cost of residuals that are rounding, from one over sigma of each sighting.
+/// The cost of residuals due to rounding, from one over sigma of each sighting.
 #[inline]
 pub fn rounding<T: Real>(weights: impl Iterator<Item = T>) -> T {
     let angle = T::lit(ZERO_RESIDUAL_EPS) * T::eps();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a caller may choose about a refinement, and the thresholds of Levenberg-Marquardt that are fixed.
+//! The options of a refinement, and the fixed thresholds of Levenberg-Marquardt.
 
 use super::loss::Loss;
 use crate::scalar::Real;
@@ -9,17 +9,17 @@ use crate::scalar::Real;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RefineOptions<T: Real = f64> {
-    /// Most linear systems to solve: what bounds the time. Good starts converge within ten; the default
-    /// of 100 is for those along a long valley.
+    /// Maximum number of linear systems to solve, which bounds the time. Good starts converge within ten;
+    /// the default of 100 allows for long valleys.
     pub max_iterations: usize,
-    /// First damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
-    /// steps, ending when one does not lower the cost. Not sensitive: the damping follows the steps.
+    /// Initial damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
+    /// steps, ending when one does not lower the cost. Not sensitive: the damping adapts to the steps.
     pub damping: T,
-    /// Ends when a step, or the next one as foreseen from the last two, lowers the cost by less than
-    /// this part of it. The cost is quadratic around its minimum: 1e-10 of it is 1e-5 of a standard
-    /// deviation of the map.
+    /// The refinement ends when a step, or the next one as predicted from the last two, lowers the cost by
+    /// less than this fraction of it. The cost is quadratic around its minimum: 1e-10 of it is 1e-5 of a
+    /// standard deviation of the map.
     pub tolerance: T,
-    /// How much a residual counts.
+    /// Loss of the residuals.
     pub loss: Loss<T>,
 }
 
@@ -34,12 +34,11 @@ impl<T: Real> Default for RefineOptions<T> {
     }
 }
 
-/// A step that gains more than this part of what the linear model predicts is a good one: the model is
-/// trusted further. With [`POOR_STEP`] the values of Madsen et al., section 2.4 (Marquardt's ratio).
+/// A step is good when its gain ratio is above this: the model is trusted further. With [`POOR_STEP`] the
+/// values of Madsen et al., section 2.4 (Marquardt's ratio).
 pub const GOOD_STEP: f64 = 0.75;
 
-/// A step that gains less than this part of the prediction is a poor one: it is taken, and the model is
-/// trusted less.
+/// A step is poor when its gain ratio is below this: it is accepted, and the model is trusted less.
 pub const POOR_STEP: f64 = 0.25;
 
 /// Factor of the damping after a good step.
@@ -49,30 +48,30 @@ pub const AFTER_GOOD_STEP: f64 = 0.1;
 /// lowered the cost.
 pub const AFTER_POOR_STEP: f64 = 4.0;
 
-/// Factor of the damping after a step that has been refused, which undoes [`AFTER_GOOD_STEP`].
+/// Factor of the damping after a rejected step, which undoes [`AFTER_GOOD_STEP`].
 pub const AFTER_REFUSED_STEP: f64 = 10.0;
 
-/// Damping after a refused step, at least: below it many steps would be refused before one is shorter.
+/// Minimum damping after a rejected step: from a smaller one many steps would be rejected before one is shorter.
 pub const MIN_RAISED_DAMPING: f64 = 1e-5;
 
-/// Damping beyond which a step is too small to be one: 1e-8 of what a parameter would move by itself.
+/// Damping above which a step is negligible: 1e-8 of what a parameter would move on its own.
 pub const MAX_DAMPING: f64 = 1e8;
 
-/// Ratio of successive gains below which the descent converges so fast that the next gain is foreseen:
-/// that of a quadratic cost under a good model.
+/// Ratio of successive gains below which the descent converges so fast that the next gain can be predicted,
+/// as for a nearly quadratic cost under a good model.
 pub const CONVERGING: f64 = 0.05;
 
-/// What is left of the damping that is remembered as refused once one between has been chosen: the next
-/// steps may need less.
+/// Factor of the remembered rejected damping after a value above it has been chosen: the next steps may need
+/// less.
 pub const FORGET_REFUSED: f64 = 0.3;
 
-/// Residuals of this many units of rounding \[rad\] are zero: what an exact map leaves after the few
-/// operations of a residual.
+/// Residuals of this many units of rounding \[rad\] count as zero: the few operations of a residual leave as much
+/// for an exact map.
 pub const ZERO_RESIDUAL_EPS: f64 = 8.0;
 
 /// A pivot of a landmark's or a pose's own block is zero below this many units of rounding of its diagonal: the one
-/// or two subtractions that lead to it leave no more. What the pivot belongs to then gets no step.
+/// or two subtractions that lead to it leave no more. The direction of the pivot then gets no step.
 pub const ZERO_PIVOT_EPS: f64 = 4.0;
 
-/// Called once per iteration with the number of iterations and the cost; `false` stops the work.
+/// Called once per iteration with the number of iterations and the cost; returning `false` stops the work.
 pub type Observer<'a> = &'a mut dyn FnMut(usize, f64) -> bool;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A bearing linearised, and a landmark optimised for the poses as they are.
+//! The linearised bearing, and the optimisation of one landmark with the poses held fixed.
 //!
 //! Residual of a sighting: `r = arg(e^{-i bearing} e^{-i theta} (x - p))`, predicted minus measured in
 //! (-pi, pi], over sigma. With `d = x - p` and `g = (-d_y, d_x) / |d|^2`, (T12):
@@ -18,24 +18,24 @@ pub struct Ray<T: Real = f64> {
     pub weight: T,
 }
 
-/// How the residuals of a problem count.
+/// How the residuals of a problem are formed and weighted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SightingModel<T: Real = f64> {
-    /// Whether a bearing is a ray; otherwise it is a line, which may as well point the other way.
+    /// Whether a bearing is a ray; otherwise it is a line, known modulo pi.
     pub oriented: bool,
     pub loss: Loss<T>,
 }
 
 impl<T: Real> SightingModel<T> {
-    /// Whether residuals count with their squares, and bearings are rays.
+    /// Whether the loss is squared and bearings are rays.
     #[inline]
     pub fn is_plain(&self) -> bool {
         self.oriented && matches!(self.loss, Loss::Squared)
     }
 }
 
-/// A bearing linearised: residual and derivatives, all over sigma, and with a loss times the root of its
-/// slope. All zero where there is no bearing.
+/// A linearised bearing: residual and derivatives, all over sigma, and with a loss multiplied by the root of
+/// its slope. All zero where there is no bearing.
 #[derive(Clone, Copy, Debug)]
 pub struct BearingRow<T: Real = f64> {
     /// Derivative with respect to the landmark, minus that with respect to the position.
@@ -56,8 +56,8 @@ impl<T: Real> BearingRow<T> {
         }
     }
 
-    /// The bearing of a landmark from a pose, its residual counting with its square; a line rather than a
-    /// ray when not `oriented`.
+    /// The bearing of a landmark from a pose with squared loss; a line rather than a ray when not
+    /// `oriented`.
     #[inline(always)]
     pub fn new(pose: &Pose<T>, landmark: &Point2<T>, ray: &Ray<T>, oriented: bool) -> Self {
         let offset = landmark.coords - pose.translation.vector;
@@ -65,7 +65,7 @@ impl<T: Real> BearingRow<T> {
         let along = direction.re * offset.x + direction.im * offset.y;
         let across = direction.re * offset.y - direction.im * offset.x;
         let square = offset.norm_squared();
-        // A landmark exactly on its view may lie in any direction, and pulls nowhere.
+        // A landmark exactly on its view has no bearing: residual and gradient are zero.
         if square <= T::zero() {
             return Self {
                 gradient: Vector2::zeros(),
@@ -86,9 +86,9 @@ impl<T: Real> BearingRow<T> {
         }
     }
 
-    /// The bearing weighted as its loss asks, and what it adds to twice the cost; `PLAIN` for the squares of
-    /// rays, the inner loop of most refinements, which compiles to nothing more than these.
-    // By call, the row would pass through memory: a quarter more time, though hardly an instruction more.
+    /// The bearing weighted by its loss, and what it adds to twice the cost. `PLAIN` is for rays with squared
+    /// loss, the inner loop of most refinements, and compiles to these operations only.
+    // Without inlining the row would pass through memory: a quarter more time, though hardly an instruction more.
     #[inline(always)]
     pub fn weighted<const PLAIN: bool>(
         pose: &Pose<T>,
@@ -125,7 +125,7 @@ impl<T: Real> BearingRow<T> {
     }
 }
 
-/// The normal equations of one landmark, the poses held fixed.
+/// The normal equations of one landmark with the poses held fixed.
 #[derive(Clone, Copy, Debug)]
 pub struct LandmarkNormal<T: Real = f64> {
     /// xx, xy, yy.
@@ -135,7 +135,7 @@ pub struct LandmarkNormal<T: Real = f64> {
     pub loss: T,
 }
 
-/// From bearings linearised, and what each adds to twice the cost.
+/// From linearised bearings, and what each adds to twice the cost.
 impl<T: Real> FromIterator<(BearingRow<T>, T)> for LandmarkNormal<T> {
     #[inline]
     fn from_iter<I: IntoIterator<Item = (BearingRow<T>, T)>>(rows: I) -> Self {
@@ -165,7 +165,7 @@ impl<T: Real> LandmarkNormal<T> {
         self.loss += loss;
     }
 
-    /// The place after a step of Gauss-Newton; `None` where the poses do not fix it within the horizon.
+    /// The position after a Gauss-Newton step; `None` where the poses do not determine it within the horizon.
     #[inline]
     fn step(&self, from: &Point2<T>) -> Option<Point2<T>> {
         let [xx, xy, yy] = self.information;
@@ -176,15 +176,14 @@ impl<T: Real> LandmarkNormal<T> {
     }
 }
 
-/// A landmark moved towards its best place for the poses as they are: a step or two of Gauss-Newton, as
-/// far as the cost falls.
+/// Moves a landmark towards its best position with the poses held fixed: one or two Gauss-Newton steps, as
+/// long as the cost falls.
 ///
-/// A linear step takes the landmarks off their rays as the poses turn; put back onto them, the
-/// descent may take longer steps (variable projection).
+/// A linear step takes landmarks off their rays when poses turn; moving them back onto the rays allows the
+/// descent longer steps (variable projection).
 ///
-/// `linearize` sums the rays at a place; it is told the number of the place, from 0, so that it can keep
-/// the rows of two. Returns the best place, its number and the sum of the losses there: the start, or
-/// one of the last two.
+/// `linearize` sums the rays at a position; it gets the index of the position, from 0, so that it can keep
+/// the rows of two of them. Returns the best position, its index and the sum of the losses there.
 #[inline]
 pub fn optimize_landmark<T: Real>(
     start: Point2<T>,
@@ -199,7 +198,7 @@ pub fn optimize_landmark<T: Real>(
         return (start, 0, here.loss);
     }
     if let Some(second) = there.step(&first) {
-        // Of the second step only the loss is of interest.
+        // Only the loss of the second step is needed.
         let loss = linearize(2, &second).loss;
         if loss < there.loss {
             return (second, 2, loss);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How a refinement ends, whatever its storage.
+//! How a refinement ends.
 
 use core::fmt;
 
@@ -7,7 +7,7 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Termination {
-    /// No refinement was asked for.
+    /// No refinement was requested.
     NotRefined,
     /// A further step would lower the cost by less than the tolerance.
     Converged,
@@ -15,7 +15,7 @@ pub enum Termination {
     ZeroResidual,
     /// No step lowers the cost, however much it is damped.
     NoProgress,
-    /// The iterations ran out.
+    /// The maximum number of iterations was reached.
     MaxIterations,
     /// The normal equations are singular beyond the gauge and damping is zero.
     Singular,
@@ -43,7 +43,7 @@ impl Termination {
     }
 }
 
-/// In words, such as `converged` or `not converged`.
+/// In words, for example `converged` or `not converged`.
 impl fmt::Display for Termination {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -25,7 +25,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// A map with nothing in it.
+    /// A map in which nothing is determined.
     pub fn empty(views: usize, landmarks: usize) -> Self {
         Self {
             poses: vec![None; views],
@@ -38,7 +38,7 @@ impl Map {
         self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
     }
 
-    /// What has an estimate: views, then landmarks.
+    /// The determined views, then landmarks.
     pub(crate) fn determined(&self) -> impl Iterator<Item = Subject> + '_ {
         let views = (0..self.poses.len()).filter(|&k| self.poses[k].is_some());
         let landmarks = (0..self.landmarks.len()).filter(|&k| self.landmarks[k].is_some());
@@ -47,9 +47,9 @@ impl Map {
             .chain(landmarks.map(Subject::Landmark))
     }
 
-    /// The bearing residual, predicted minus measured in (-pi, pi] (unoriented: in
-    /// (-pi/2, pi/2]), of each sighting of a problem, in
-    /// the order of [`Problem::sightings`]; `None` where an end is undetermined.
+    /// The bearing residual of each sighting of a problem, predicted minus measured in (-pi, pi] (unoriented:
+    /// in (-pi/2, pi/2]), in the order of [`Problem::sightings`]; `None` where view or landmark is
+    /// undetermined.
     pub fn residuals<'a>(&'a self, problem: &'a Problem) -> impl Iterator<Item = Option<f64>> + 'a {
         problem.sightings().iter().map(|s| {
             let (pose, point) = (self.poses[s.view]?, self.landmarks[s.landmark]?);
@@ -75,14 +75,14 @@ impl Map {
         Ok(())
     }
 
-    /// The problem between what the map determines.
+    /// The problem restricted to the determined views and landmarks.
     pub(crate) fn restrict(&self, problem: &Problem) -> Problem {
         let views: Vec<bool> = self.poses.iter().map(Option::is_some).collect();
         let landmarks: Vec<bool> = self.landmarks.iter().map(Option::is_some).collect();
         problem.restrict(&views, &landmarks)
     }
 
-    /// Moves the map by a similarity.
+    /// The map transformed by a similarity.
     pub fn transformed(&self, similarity: &Similarity2<f64>) -> Self {
         Self {
             poses: self
@@ -101,7 +101,7 @@ impl Map {
     /// The same map in the gauge of this crate: the first determined view at the origin with heading
     /// 0, and a root-mean-square distance of 1 of the other views from it.
     ///
-    /// Left as it is when all views are in one place, or too far apart for the number type.
+    /// Unchanged when all views are in one place, or too far apart for the number type.
     pub fn normalized(&self) -> Self {
         let mut views = self.poses.iter().flatten();
         let Some(first) = views.next() else {
@@ -120,7 +120,7 @@ impl Map {
         let shift = Translation2::from(home.translation.vector * scale);
         let similarity = Similarity2::from_parts(shift, home.rotation, scale);
         let mut map = self.transformed(&similarity);
-        // The first view exactly, and unit rotations again.
+        // Make the first view exact, and rotations unit again.
         for (k, pose) in map.poses.iter_mut().flatten().enumerate() {
             if k == 0 {
                 *pose = Pose::identity();
@@ -131,10 +131,11 @@ impl Map {
         map
     }
 
-    /// Drops views and landmarks that what is left cannot fix, and lists all that have no estimate,
+    /// Drops views and landmarks that the rest cannot determine, and lists all that have no estimate,
     /// with the reason.
     ///
-    /// Each needs as many numbers as it has: a bearing is one; odometry and priors count with theirs.
+    /// Each needs as many observations as it has unknowns; a bearing is one, odometry and priors count
+    /// with their numbers.
     pub(crate) fn prune(&mut self, problem: &Problem) -> Vec<Undetermined> {
         let priors = PriorsOf::new(problem);
         loop {
@@ -200,7 +201,7 @@ impl Map {
             .collect()
     }
 
-    /// The determined views that see a landmark, with the sightings: rays to triangulate it from.
+    /// The determined views that see a landmark, with the sightings: the rays to triangulate it from.
     pub(crate) fn rays<'a>(
         &'a self,
         problem: &'a Problem,
@@ -212,7 +213,7 @@ impl Map {
         })
     }
 
-    /// The determined landmarks that a view sees, with the sightings: points to resect it from.
+    /// The determined landmarks that a view sees, with the sightings: the points for its resection.
     pub(crate) fn seen<'a>(
         &'a self,
         problem: &'a Problem,
@@ -233,7 +234,7 @@ impl Map {
     }
 }
 
-/// `12 views, 15 landmarks; 1 landmark undetermined`: how many there are, and how many of them are not known.
+/// `12 views, 15 landmarks; 1 landmark undetermined`: how many there are, and how many are undetermined.
 impl fmt::Display for Map {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (views, landmarks) = (self.poses.len(), self.landmarks.len());
@@ -248,9 +249,9 @@ impl fmt::Display for Map {
 
 /// The odometry and priors of each subject.
 struct PriorsOf {
-    /// Of each view: how many numbers its priors give, and the views at the other end of its motions.
+    /// For each view: how many numbers its priors give, and the views at the other ends of its motions.
     views: Vec<(usize, Vec<usize>)>,
-    /// Of each landmark: how many numbers its priors give.
+    /// For each landmark: how many numbers its priors give.
     landmarks: Vec<usize>,
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well odometry and priors are known, and what weight that gives them.
+//! The uncertainty of odometry and priors, and the weight that follows from it.
 
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
@@ -14,20 +14,20 @@ pub enum Noise<const N: usize> {
     Covariance([[f64; N]; N]),
 }
 
-/// Largest difference of two entries of a covariance that should be the same, over the largest entry:
-/// files give six digits or more.
+/// Largest difference between two entries of a covariance that should be equal, relative to the largest entry:
+/// files have six digits or more.
 const ASYMMETRY: f64 = 1e-5;
 
 impl<const N: usize> Noise<N> {
-    /// The root of the information: a lower triangle `W` with `W^T W` the inverse of the covariance.
+    /// The square root of the information: a lower triangle `W` with `W^T W` the inverse of the covariance.
     ///
     /// # Errors
     /// [`Error::NotPositive`] for a standard deviation or a pivot of the covariance that is not positive,
-    /// or whose inverse square is not a number; [`Error::NotFinite`] for a covariance that is not;
+    /// or whose inverse square over- or underflows; [`Error::NotFinite`] for a covariance that is not finite;
     /// [`Error::NotSymmetric`].
     pub(crate) fn root(&self, what: &'static str, index: usize) -> Result<[[f64; N]; N], Error> {
         let refuse = |value: f64| Error::NotPositive { what, index, value };
-        // Its square must be a number as well, or the cost is none.
+        // The square must be finite and positive as well, or the cost is useless.
         let usable = |weight: f64| {
             let square = weight * weight;
             square > 0.0 && square.is_finite()

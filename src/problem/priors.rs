@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What is known besides bearings: odometry, poses, landmarks, each with its uncertainty.
+//! Observations other than bearings: odometry, and prior poses and landmarks, each with its uncertainty.
 
 use super::noise::Noise;
 use super::subject::Subject;
@@ -18,43 +18,43 @@ pub struct Odometry {
     pub start: usize,
     /// Index of the view at the end.
     pub end: usize,
-    /// Pose of the view at the end in the frame of that at the start.
+    /// Pose of the view at the end in the frame of the view at the start.
     #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::pose"))]
     pub delta: Pose<f64>,
-    /// How well it is known: x and y in the frame of the end, heading \[rad\].
+    /// Its uncertainty: x and y in the frame of the end, heading \[rad\].
     pub noise: Noise<3>,
 }
 
-/// A pose that is known beforehand, in the map frame.
+/// A prior on a pose, in the map frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct PosePrior {
     /// Index of the view.
     pub view: usize,
-    /// Its pose.
+    /// The prior pose.
     #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::pose"))]
     pub pose: Pose<f64>,
-    /// How well it is known: x and y in the map frame, heading \[rad\]. An infinite standard deviation
-    /// is for what is not known: a compass gives the heading only.
+    /// Its uncertainty: x and y in the map frame, heading \[rad\]. An infinite standard deviation marks
+    /// what is unknown: a compass gives only the heading.
     pub noise: Noise<3>,
 }
 
-/// A landmark whose position is known beforehand: a beacon, a survey point.
+/// A prior on the position of a landmark, such as a beacon or a control point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct LandmarkPrior {
     /// Index of the landmark.
     pub landmark: usize,
-    /// Its position in the map frame.
+    /// The prior position in the map frame.
     #[cfg_attr(feature = "serde", serde(with = "crate::geometry::serialized::point"))]
     pub position: Point2<f64>,
-    /// How well it is known, in the map frame.
+    /// Its uncertainty in the map frame.
     pub noise: Noise<2>,
 }
 
-/// Something known of one or two subjects, as the problem keeps it.
+/// Odometry or a prior in the form that a problem stores, with the square root of the information.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Prior {
     Motion {
@@ -76,7 +76,7 @@ pub(crate) enum Prior {
 }
 
 impl Prior {
-    /// The subjects that it holds.
+    /// The subjects that it constrains.
     pub(crate) fn subjects(&self) -> [Option<Subject>; 2] {
         match *self {
             Self::Motion { start, end, .. } => {
@@ -87,7 +87,7 @@ impl Prior {
         }
     }
 
-    /// The same between subjects numbered anew, with all lengths times a factor.
+    /// The same for renumbered subjects, with all lengths multiplied by a factor.
     pub(crate) fn moved(
         &self,
         view: impl Fn(usize) -> usize,
@@ -99,7 +99,7 @@ impl Prior {
             pose.translation.vector *= factor;
             pose
         };
-        // Weights of lengths go the other way; the third column belongs to the heading.
+        // Weights of lengths scale inversely; the third column belongs to the heading.
         let looser =
             |root: &[[f64; 3]; 3]| root.map(|[x, y, heading]| [x / factor, y / factor, heading]);
         match self {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Who sees what, at which bearing.
+//! The observations: which view sees which landmark at which bearing, odometry and priors.
 
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::sighting::{IndexedSighting, Sighting};
@@ -11,20 +11,20 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use nalgebra::Point2;
 
-/// All that is known, checked once: sightings, sorted by view and then landmark, and what odometry and
-/// priors add to them.
+/// All observations, validated on construction: sightings, sorted by view and then landmark, odometry and
+/// priors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Problem {
     landmarks: usize,
     sightings: Vec<IndexedSighting>,
-    /// Where each view begins in `sightings`, and the end.
+    /// Index of the first sighting of each view in `sightings`, and the end.
     view_start: Vec<usize>,
     /// Indices into `sightings`, landmark by landmark.
     by_landmark: Vec<usize>,
     landmark_start: Vec<usize>,
     /// For each sighting, its index in the input.
     input: Vec<usize>,
-    /// Whether a bearing is a ray; a line otherwise.
+    /// Whether a bearing is a ray; otherwise it is a line, known modulo pi.
     oriented: bool,
     /// Odometry and priors.
     priors: Vec<Prior>,
@@ -34,9 +34,8 @@ impl Problem {
     /// A problem from a list of sightings, in any order.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`] and
-    /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
-    /// twice.
+    /// [`Error::OutOfRange`] for an index that is not below `views` or `landmarks`, [`Error::NotFinite`] and
+    /// [`Error::NotPositive`] for an invalid number, [`Error::Duplicate`] when a view sees a landmark twice.
     pub fn new(views: usize, landmarks: usize, sightings: &[Sighting]) -> Result<Self, Error> {
         for (index, sighting) in sightings.iter().enumerate() {
             sighting.check(index, views, landmarks)?;
@@ -59,11 +58,11 @@ impl Problem {
     }
 
     /// A problem from a `views x landmarks` table of bearings \[rad\], row by row; NaN where a view
-    /// did not see a landmark. All with the same standard deviation.
+    /// did not see a landmark. All bearings have the same standard deviation.
     ///
     /// # Errors
-    /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
-    /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
+    /// [`Error::LengthMismatch`] when the table does not have that size, [`Error::NotFinite`] for an
+    /// infinite bearing, [`Error::NotPositive`] for an invalid `sigma`.
     pub fn dense(
         views: usize,
         landmarks: usize,
@@ -91,20 +90,20 @@ impl Problem {
         Self::new(views, landmarks, &sightings)
     }
 
-    /// The same problem with bearings that are known modulo pi only: lines, not rays.
+    /// The same problem with bearings known only modulo pi: lines, not rays.
     ///
-    /// Headings are then known modulo pi as well, each for itself.
+    /// Each heading is then known only modulo pi as well, independently of the others.
     pub fn unoriented(mut self) -> Self {
         self.oriented = false;
         self
     }
 
-    /// The same problem with odometry in addition to what it has.
+    /// The same problem with additional odometry.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a view beyond those of the problem, [`Error::SameView`] for a motion from a
-    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for
-    /// bad numbers.
+    /// [`Error::OutOfRange`] for a view that the problem does not have, [`Error::SameView`] for a motion from a
+    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for invalid
+    /// numbers.
     pub fn with_odometry(mut self, odometry: &[Odometry]) -> Result<Self, Error> {
         for (index, motion) in odometry.iter().enumerate() {
             let &Odometry { start, end, .. } = motion;
@@ -115,7 +114,7 @@ impl Problem {
             }
             check_pose("odometry: delta", index, &motion.delta)?;
             let root = motion.noise.root("odometry: sigma", index)?;
-            // A motion of which a part is unknown ties no frame to another.
+            // A motion with an unknown component does not determine one pose from the other.
             if (0..3).any(|k| root[k][k] <= 0.0) {
                 return Err(Error::NotFinite {
                     what: "odometry: sigma",
@@ -132,7 +131,7 @@ impl Problem {
         Ok(self)
     }
 
-    /// The same problem with poses that are known beforehand in addition to what it has.
+    /// The same problem with additional priors on poses.
     ///
     /// # Errors
     /// As [`Problem::with_odometry`].
@@ -149,7 +148,7 @@ impl Problem {
         Ok(self)
     }
 
-    /// The same problem with landmarks that are known beforehand in addition to what it has.
+    /// The same problem with additional priors on landmarks.
     ///
     /// # Errors
     /// As [`Problem::with_odometry`].
@@ -220,18 +219,18 @@ impl Problem {
         self.landmarks
     }
 
-    /// Whether bearings are rays; lines, known modulo pi only, otherwise.
+    /// Whether bearings are rays; otherwise they are lines, known only modulo pi.
     pub fn is_oriented(&self) -> bool {
         self.oriented
     }
 
-    /// The same problem with bearings alone.
+    /// The same problem without odometry and priors.
     pub(crate) fn bearings_only(mut self) -> Self {
         self.priors.clear();
         self
     }
 
-    /// The same problem without priors.
+    /// The same problem without priors, but with its odometry.
     pub(crate) fn with_odometry_only(mut self) -> Self {
         self.priors
             .retain(|prior| matches!(prior, Prior::Motion { .. }));
@@ -248,13 +247,13 @@ impl Problem {
         &self.sightings
     }
 
-    /// For each sighting its index in the list or table the problem was made from; in a table the
-    /// places that are NaN do not count.
+    /// For each sighting its index in the list or table that the problem was made from; in a table, NaN
+    /// entries are not counted.
     pub fn input_order(&self) -> &[usize] {
         &self.input
     }
 
-    /// The bearing residual of a sighting \[rad\]: predicted less measured, in (-pi, pi]; of lines in
+    /// The bearing residual of a sighting \[rad\]: predicted minus measured, in (-pi, pi]; for lines in
     /// (-pi/2, pi/2].
     #[inline]
     pub(crate) fn residual(
@@ -272,7 +271,7 @@ impl Problem {
         }
     }
 
-    /// What a view sees.
+    /// The sightings of a view.
     pub fn of_view(&self, view: usize) -> &[IndexedSighting] {
         &self.sightings[self.range_of_view(view)]
     }
@@ -287,14 +286,14 @@ impl Problem {
         &self.by_landmark[self.landmark_start[landmark]..self.landmark_start[landmark + 1]]
     }
 
-    /// The same sightings as a problem of its own: input indices refer to itself.
+    /// The same problem with input indices that refer to its own sightings.
     pub(crate) fn on_its_own(mut self) -> Self {
         self.input = (0..self.sightings.len()).collect();
         self
     }
 
-    /// The problem of some of the sightings, by their place in [`Problem::sightings`], as if they were
-    /// the input; views and landmarks keep their numbers.
+    /// The problem with only the kept sightings, selected by index in [`Problem::sightings`], as if they
+    /// were the input; views and landmarks keep their indices.
     pub(crate) fn subset(&self, keep: &[bool]) -> Self {
         let kept = self.sightings.iter().zip(keep).filter(|(_, keep)| **keep);
         let sightings: Vec<IndexedSighting> = kept.map(|(seen, _)| *seen).collect();
@@ -306,8 +305,8 @@ impl Problem {
         }
     }
 
-    /// The part of the problem between the views and landmarks that are kept, numbered anew in
-    /// their order. Input indices refer to the sightings of this problem.
+    /// The part of the problem between the kept views and landmarks, renumbered in order. Input indices
+    /// refer to the sightings of this problem.
     pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {
         let number = |keep: &[bool]| {
             let mut next = 0;
@@ -354,7 +353,7 @@ impl Problem {
         }
     }
 
-    /// The same problem in another unit of length; bearings know none.
+    /// The same problem in another unit of length; bearings do not depend on it.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();
         for prior in &mut scaled.priors {

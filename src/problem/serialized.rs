@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Problems and maps as `serde` writes and reads them.
+//! Serialisation of problems and maps with `serde`.
 //!
-//! What is read goes through the constructors of the problem, so that an invalid one is an error of the reader. A
+//! Reading goes through the constructors of the problem, so that an invalid problem is a deserialisation error. A
 //! problem is written as it was given, sightings in the order of the input with bearings and standard deviations;
-//! it keeps directions and weights, so numbers come back to within rounding. Infinite standard deviations, of which
-//! JSON knows nothing, are written as `None`.
+//! it stores directions and weights, so numbers survive a round trip to within rounding. Infinite standard
+//! deviations, which JSON cannot express, are written as `None`.
 
 use super::map::Map;
 use super::noise::Noise;
@@ -107,14 +107,14 @@ impl<'de> Deserialize<'de> for Problem {
     }
 }
 
-/// The uncertainty with a root of information, a lower triangle.
+/// The uncertainty with a given square root of the information, a lower triangle.
 fn noise<const N: usize>(root: [[f64; N]; N]) -> Noise<N> {
     let is_diagonal = (0..N).all(|i| (0..i).all(|j| root[i][j] == 0.0));
-    // An unknown number, of no information, is not correlated with others.
+    // A root with unknown components, without information, is always diagonal.
     if is_diagonal {
         return Noise::Sigmas(core::array::from_fn(|k| 1.0 / root[k][k]));
     }
-    // The inverse of the triangle, column by column; the covariance is it times its transpose.
+    // The inverse of the triangle, column by column; the covariance is this times its transpose.
     let mut inverse = SMatrix::<f64, N, N>::zeros();
     for column in 0..N {
         for row in column..N {
@@ -165,11 +165,11 @@ impl<'de> Deserialize<'de> for Map {
     }
 }
 
-/// An uncertainty, of whatever size.
+/// An uncertainty of any size.
 #[derive(Serialize, Deserialize)]
 #[serde(rename = "Noise", rename_all = "snake_case")]
 enum GivenNoise {
-    /// `None` is an infinite one.
+    /// `None` is infinite.
     Sigmas(Vec<Option<f64>>),
     Covariance(Vec<Vec<f64>>),
 }
@@ -194,7 +194,7 @@ impl<const N: usize> Serialize for Noise<N> {
 
 impl<'de, const N: usize> Deserialize<'de> for Noise<N> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let wrong = |rows: usize| D::Error::invalid_length(rows, &"as many numbers as are known");
+        let wrong = |rows: usize| D::Error::invalid_length(rows, &"one number for each component");
         match GivenNoise::deserialize(deserializer)? {
             GivenNoise::Sigmas(sigmas) => {
                 let sigmas: Vec<_> = sigmas

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! One bearing: as it is given, and as a problem keeps it.
+//! One bearing: as given, and as a problem stores it.
 
 use crate::error::Error;
 use crate::geometry::Bearing;
@@ -19,7 +19,7 @@ pub struct Sighting {
     pub sigma: f64,
 }
 
-/// A sighting as the problem keeps it.
+/// A sighting as the problem stores it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IndexedSighting {
     /// Index of the view.
@@ -33,7 +33,7 @@ pub struct IndexedSighting {
 }
 
 impl Sighting {
-    /// Refuses indices that are out of range and numbers that are none.
+    /// Rejects indices that are out of range and numbers that are invalid.
     pub(super) fn check(&self, index: usize, views: usize, landmarks: usize) -> Result<(), Error> {
         for (what, value, bound) in [
             ("view", self.view, views),
@@ -55,7 +55,7 @@ impl Sighting {
         }
         let weight = 1.0 / self.sigma;
         let square = weight * weight;
-        // Its square must be a number as well, or the cost is none.
+        // The square must be finite and positive as well, or the cost is useless.
         if !(self.sigma > 0.0 && square > 0.0 && square.is_finite()) {
             return Err(Error::NotPositive {
                 what: "sigma",
@@ -66,7 +66,7 @@ impl Sighting {
         Ok(())
     }
 
-    /// As a problem keeps it.
+    /// The sighting as a problem stores it.
     pub(super) fn indexed(&self) -> IndexedSighting {
         IndexedSighting {
             view: self.view,

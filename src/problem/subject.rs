@@ -16,32 +16,32 @@ pub enum Subject {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Why {
-    /// It has fewer sightings than determine it: three for a view, two for a landmark.
+    /// It has fewer sightings than it needs: three for a view, two for a landmark.
     TooFewSightings {
-        /// How many there are.
+        /// How many it has.
         got: usize,
-        /// How many it takes.
+        /// How many it needs.
         needed: usize,
     },
     /// Enough sightings, but too few of them connect it with the part of the map that is determined.
     NotConnected {
         /// How many connect it.
         got: usize,
-        /// How many it takes.
+        /// How many it needs.
         needed: usize,
     },
-    /// Enough sightings, but the rest of the map contradicts too many of them.
+    /// Enough sightings, but too many of them are outliers.
     TooFewInliers {
-        /// How many it does not contradict.
+        /// How many are inliers.
         got: usize,
-        /// How many it takes.
+        /// How many it needs.
         needed: usize,
     },
     /// The start of the refinement has no value for it.
     NoStart,
-    /// Its sightings do not fix it: parallel rays, or a view on one circle with its landmarks.
+    /// Its sightings do not determine it: parallel rays, or a view on one circle with its landmarks.
     Degenerate,
-    /// Its sightings fix it, but at a place where they do not agree with the map.
+    /// Its sightings determine it, but do not agree with the map.
     Misfit,
     /// A landmark so far away that its rays are parallel within their noise: its direction is known,
     /// its range is not.
@@ -51,13 +51,13 @@ pub enum Why {
 /// A view or landmark without an estimate, and why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Undetermined {
-    /// Which.
+    /// The view or landmark.
     pub subject: Subject,
-    /// Why.
+    /// The reason.
     pub why: Why,
 }
 
-/// A number of things: `1 view`, `2 views`.
+/// A count with its noun: `1 view`, `2 views`.
 pub(crate) struct Count(pub usize, pub &'static str);
 
 impl fmt::Display for Count {
@@ -96,13 +96,10 @@ impl fmt::Display for Why {
                 "has {got} sightings to the determined part of the map, needs {needed}"
             ),
             Self::TooFewInliers { got, needed } => {
-                write!(
-                    f,
-                    "has {got} sightings that are no outliers, needs {needed}"
-                )
+                write!(f, "has {got} sightings that are inliers, needs {needed}")
             }
             Self::NoStart => write!(f, "the start has no value for it"),
-            Self::Degenerate => write!(f, "its sightings do not fix it"),
+            Self::Degenerate => write!(f, "its sightings do not determine it"),
             Self::Misfit => write!(f, "its sightings do not agree with the map"),
             Self::AtInfinity => write!(f, "its rays are parallel within their noise"),
         }

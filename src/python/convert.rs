@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Arrays across the border.
+//! Conversion between NumPy arrays and the types of the crate.
 
 use super::errors::{error, invalid};
 use crate::{Bearing, Error, Map, Pose, Triple, xytheta};
@@ -13,7 +13,7 @@ use std::format;
 pub type Floats<'py> = PyReadonlyArrayDyn<'py, f64>;
 pub type Indices<'py> = PyReadonlyArrayDyn<'py, i64>;
 
-/// The entries in C order, after a check of the shape (`None` stands for any length).
+/// The entries in C order, after a check of the shape (`None` is any length).
 pub fn entries(
     py: Python<'_>,
     name: &str,
@@ -39,14 +39,14 @@ pub fn entries(
             ),
         ));
     }
-    // Arrays in C order in one go; those in the order of Fortran are contiguous, too.
+    // Copy arrays in C order at once. Fortran order is contiguous as well, but has no such slice.
     if let Some(slice) = array.as_array().as_slice() {
         return Ok(slice.to_vec());
     }
     Ok(array.as_array().iter().copied().collect())
 }
 
-/// Entries of which none is `bad`.
+/// The entries, none of which may be `bad`.
 fn checked(
     py: Python<'_>,
     name: &'static str,
@@ -61,7 +61,7 @@ fn checked(
     }
 }
 
-/// Entries that are all finite.
+/// The entries, which must all be finite.
 pub fn finite(
     py: Python<'_>,
     name: &'static str,
@@ -71,7 +71,7 @@ pub fn finite(
     checked(py, name, array, shape, |value| !value.is_finite())
 }
 
-/// Entries that are finite or NaN.
+/// The entries, each finite or NaN.
 fn finite_or_missing(
     py: Python<'_>,
     name: &'static str,
@@ -136,7 +136,7 @@ pub fn finite_poses(
         .collect())
 }
 
-/// A start for the refinement: rows with NaN are undetermined.
+/// A map; rows with NaN are undetermined.
 pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<Map> {
     let poses = finite_or_missing(py, "poses", poses, &[None, Some(3)])?;
     let points = finite_or_missing(py, "landmarks", points, &[None, Some(2)])?;
@@ -153,7 +153,7 @@ pub fn map(py: Python<'_>, poses: &Floats<'_>, points: &Floats<'_>) -> PyResult<
     })
 }
 
-/// Indices from 0, as many as `length` says.
+/// Non-negative indices, `length` of them if it is given.
 pub fn indices(
     py: Python<'_>,
     name: &str,
@@ -198,7 +198,7 @@ pub fn points<'py>(py: Python<'py>, points: &[Option<Point2<f64>>]) -> Bound<'py
     array2(py, flat, [points.len(), 2])
 }
 
-/// A C-ordered array from its entries, as many as the shape says.
+/// A C-ordered array from its entries; the shape gives their number.
 pub fn array2<E: numpy::Element>(
     py: Python<'_>,
     flat: Vec<E>,

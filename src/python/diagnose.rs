@@ -11,7 +11,7 @@ use alloc::vec::Vec;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 
-/// What the package's `Diagnosis` is made from.
+/// The contents of the package's `Diagnosis`.
 #[derive(IntoPyObject)]
 pub struct RawDiagnosis<'py> {
     views: usize,

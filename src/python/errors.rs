@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::format;
 
-/// An exception of `bearslam.errors`, made there: its classes live in Python.
+/// Creates an exception of `bearslam.errors`, whose classes are defined in Python.
 fn raise(py: Python<'_>, class: &str, message: &str, details: Option<&Bound<'_, PyDict>>) -> PyErr {
     let made = py
         .import("bearslam.errors")
@@ -26,8 +26,7 @@ pub fn error(py: Python<'_>, error: Error) -> PyErr {
     let message = format!("{error}");
     let (kind, value, bound) = match error {
         Error::Degenerate { kind, value, bound } => (kind.name(), value, bound),
-        // What the geometry of the data leaves open, too: inliers beyond the unknowns, of which there should be
-        // one for four outliers.
+        // Also a degeneracy of the data: the degrees of freedom should be at least a quarter of the outliers.
         Error::NoConsensus {
             freedom, outliers, ..
         } => ("no_consensus", freedom as f64, outliers as f64 / 4.0),

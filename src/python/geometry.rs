@@ -9,7 +9,7 @@ use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
-/// Estimates with, if asked for, how well they are known; NaN where there is none.
+/// Estimates and, on request, their uncertainty; NaN where there is no estimate.
 #[derive(IntoPyObject)]
 pub struct Fixes<'py> {
     value: Bound<'py, PyArray2<f64>>,
@@ -52,7 +52,7 @@ impl<'py> Fixes<'py> {
     }
 }
 
-/// A fix that was asked for, `None` where the geometry does not determine it.
+/// A requested fix; `None` where the geometry does not determine it.
 fn determined<const N: usize>(fix: Option<Result<Fix<N>, Error>>) -> Result<Option<Fix<N>>, Error> {
     match fix {
         Some(Err(error @ Error::NotPositive { .. })) => Err(error),
@@ -60,7 +60,7 @@ fn determined<const N: usize>(fix: Option<Result<Fix<N>, Error>>) -> Result<Opti
     }
 }
 
-/// Landmarks; with `sigma` \[rad\] how well they are known.
+/// Positions of landmarks; with `sigma` \[rad\] also their uncertainty.
 #[pyfunction]
 pub fn triangulate<'py>(
     py: Python<'py>,
@@ -92,8 +92,8 @@ pub fn triangulate<'py>(
     Fixes::new(py, points, &fixes, sigma.is_some())
 }
 
-/// Poses of the views, the rows of `bearings`; with `sigma` \[rad\] how well they are known. A view that cannot be
-/// resected is NaN, or with `strict` an error.
+/// Poses of the views, the rows of `bearings`; with `sigma` \[rad\] also their uncertainty. A view that cannot be
+/// resected is NaN, or an error if `strict`.
 #[pyfunction]
 pub fn resect<'py>(
     py: Python<'py>,

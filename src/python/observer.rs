@@ -7,10 +7,10 @@ use core::time::Duration;
 use pyo3::prelude::*;
 use std::time::Instant;
 
-/// Time between two looks at signals and two calls of the progress function.
+/// Time between checks for signals and calls of the progress function.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Looks at signals and reports progress now and then.
+/// Checks for signals and reports progress at intervals.
 pub struct InterpreterObserver {
     progress: Option<Py<PyAny>>,
     last: Instant,
@@ -18,8 +18,8 @@ pub struct InterpreterObserver {
 }
 
 impl InterpreterObserver {
-    /// Runs work without the interpreter; an exception raised meanwhile (a signal handler's, the
-    /// progress function's) ends the work and is passed on.
+    /// Runs work with the interpreter released. An exception raised meanwhile by a signal handler or the
+    /// progress function ends the work and is passed on.
     pub fn run<R: Send>(
         py: Python<'_>,
         progress: Option<Py<PyAny>>,

@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
-/// A map and how it explains the bearings, as the package's `Reconstruction` takes it.
+/// The contents of the package's `Reconstruction`.
 #[derive(IntoPyObject)]
 pub struct RawReconstruction<'py> {
     poses: Bound<'py, PyArray2<f64>>,
@@ -31,7 +31,7 @@ pub struct RawReconstruction<'py> {
     covariance_frame: Option<&'static str>,
 }
 
-/// The winner and, after it, its alternatives; covariances are the winner's.
+/// The best map, with its covariances, followed by its alternatives.
 pub fn best_with_alternatives<'py>(
     py: Python<'py>,
     found: &Reconstruction,
@@ -93,7 +93,7 @@ pub fn subject(subject: Subject) -> (&'static str, usize) {
 
 type Blocks<'py> = Bound<'py, PyArray3<f64>>;
 
-/// The covariances of poses and landmarks; a block of a symmetric matrix is the same by rows and by columns.
+/// The covariances of poses and landmarks; being symmetric, they are the same by rows and by columns.
 fn blocks<'py>(py: Python<'py>, found: &Covariance) -> PyResult<(Blocks<'py>, Blocks<'py>)> {
     let poses = found.poses.iter();
     let poses = poses.map(|block| block.map_or([[f64::NAN; 3]; 3], |b| b.data.0));

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What is asked: the problem with its odometry and priors, and how it is to be solved.
-//!
-//! Everything is read from the attributes of frozen dataclasses of the package.
+//! The problem with its odometry and priors, read from the attributes of frozen dataclasses of the package.
 
 use super::convert::{self, Floats, Indices};
 use super::errors;
@@ -27,7 +25,7 @@ pub struct Request<'py> {
     landmark_priors: Option<RawLandmarkPriors<'py>>,
 }
 
-/// Standard deviations (k, 3), or covariances (k, 3, 3); of landmarks (k, 2) and (k, 2, 2).
+/// `sigma` holds standard deviations (k, 3) or covariances (k, 3, 3); for landmarks (k, 2) or (k, 2, 2).
 #[derive(FromPyObject)]
 struct RawOdometry<'py> {
     start: Indices<'py>,

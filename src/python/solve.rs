@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps of many views: from nothing, from a start, without the refinement.
+//! Maps of many views: without an initial guess, from a start, and without refinement.
 
 use super::convert::{self, Floats};
 use super::errors;
@@ -26,7 +26,7 @@ pub struct Settings {
     seed: u64,
 }
 
-/// The package's `SearchOptions`; the core's defaults go out as the same.
+/// The package's `SearchOptions`; also used to return the defaults of the core.
 #[derive(Clone, Copy, FromPyObject, IntoPyObject)]
 struct RawSearch {
     triples: usize,
@@ -41,11 +41,11 @@ struct RawRefinement {
     max_iterations: usize,
     damping: f64,
     tolerance: f64,
-    /// In standard deviations; the constant of the loss if there is none.
+    /// In standard deviations; the usual constant of the loss if `None`.
     loss_scale: Option<f64>,
 }
 
-/// The defaults of the core, which the package states as well: a test compares them.
+/// The defaults of the core. The package repeats them, and a test compares the two.
 #[derive(IntoPyObject)]
 pub struct Defaults {
     search: RawSearch,
@@ -199,9 +199,9 @@ impl Settings {
     }
 }
 
-/// The frame of the covariances that are asked for.
+/// The frame of the requested covariances.
 enum Wanted {
-    /// "priors" where they leave nothing free, "first_view" otherwise.
+    /// "priors" if odometry and priors fix the whole gauge, "first_view" otherwise.
     Fitting,
     In(Frame),
 }

@@ -10,7 +10,7 @@ use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::format;
 
-/// Layout, views, landmarks, noise, first trial and the one after the last.
+/// Layout, views, landmarks, noise, first trial, and end of the trials (exclusive).
 type RawChunk = (String, usize, usize, f64, u64, u64);
 
 #[pyfunction]
@@ -97,7 +97,7 @@ fn start(py: Python<'_>, name: &str) -> PyResult<Start> {
         })
 }
 
-/// Counts (starts, 6) and the filled bins (k, 4) of the histograms: start, quantity, bin, count.
+/// Counts (starts, 6) and the non-empty bins (k, 4) of the histograms: start, quantity, bin, count.
 fn arrays<'py>(
     py: Python<'py>,
     tallies: &[Tally],

@@ -100,7 +100,7 @@ type Solutions<'py> = (
     Bound<'py, PyArray1<bool>>,
 );
 
-/// Many three-view problems, bearings (k, 3, n), over all cores: both solutions of each, NaN and -1
+/// Many three-view problems, bearings (k, 3, n), on all cores: both solutions of each, NaN and -1
 /// where there is none.
 #[pyfunction]
 pub fn three_view_batch<'py>(
@@ -159,7 +159,7 @@ pub fn three_view_batch<'py>(
     Ok((poses, points, inconsistent, cost, near_collinear))
 }
 
-/// Problems that one thread takes at least.
+/// Minimum number of problems per task of a thread.
 const MIN_SHARE: usize = 64;
 
 fn write(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Refinements that may fail: a start that leads nowhere is no reason to give up the others.
+//! Refinements that may fail: a start that leads nowhere does not stop the others.
 
 use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
@@ -8,11 +8,11 @@ use crate::problem::{Map, Problem};
 
 /// Refines a map in place; `None` when it cannot be refined.
 ///
-/// A map that could not be refined may have lost the views and landmarks that its other parts do not fix;
-/// nothing else of it has changed.
+/// A map that could not be refined may have lost views and landmarks that the rest of it does not determine;
+/// nothing else has changed.
 ///
 /// # Errors
-/// Those that stop all work, as [`recoverable`].
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
 pub fn attempt(
     problem: &Problem,
     map: &mut Map,
@@ -22,9 +22,9 @@ pub fn attempt(
     Ok(recoverable(refine_map(problem, map, options, observer))?.ok())
 }
 
-/// The failures of one attempt, which another may make good, apart from those that stop all work.
+/// Separates the failures of one attempt, after which another may still succeed, from those that stop everything.
 ///
-/// For callers that keep the last failure: when no attempt succeeds it says why.
+/// Callers keep the last failure, to report it when no attempt succeeds.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].

@@ -16,21 +16,21 @@ use crate::error::Error;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Most views: the systems are dense in the views. No option: a bound of the method, as its error says.
+/// Maximum number of views: the linear systems are dense in the views. Not an option: a bound of the method.
 const MAX_VIEWS: usize = 1024;
 
-/// A map without refinement for each set of views that triples connect, the largest first; none when
-/// no three views share five landmarks.
+/// One unrefined map for each set of views connected by triples, the largest first; empty when no three views
+/// share five landmarks.
 ///
 /// # Errors
-/// [`Error::TooLarge`] above 1024 views, [`Error::NeedsOriented`] for bearings modulo pi, [`Error::Interrupted`], why no triple can be estimated when
-/// none can.
+/// [`Error::TooLarge`] above 1024 views, [`Error::NeedsOriented`] for bearings modulo pi, [`Error::Interrupted`];
+/// when no triple can be estimated, the error of the last one.
 pub fn starts(
     problem: &Problem,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    // The signs of the bearings distinguish the branches of most triples, and give the linear system its direction.
+    // The signs of the bearings distinguish the branches of most triples, and fix the sign of the linear solution.
     if !problem.is_oriented() {
         return Err(Error::NeedsOriented {
             what: "the global method",

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From three poses to a map of everything they reach, and its score.
+//! Growth of a map from a few poses by resection and triangulation, and its score.
 
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 
-/// Triangulates every landmark that at least two determined views see, anew where it has a value.
+/// Triangulates every landmark that at least two determined views see, replacing any earlier position.
 pub fn triangulate_all(problem: &Problem, map: &mut Map) {
     for landmark in 0..map.landmarks.len() {
         triangulate_one(problem, map, landmark);
@@ -21,7 +21,7 @@ pub fn triangulate_one(problem: &Problem, map: &mut Map, landmark: usize) {
     }
 }
 
-/// The pose of a view from the landmarks that are determined, and how badly it fits.
+/// The pose of a view by resection from the landmarks in the map, and its misfit.
 pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f64>, f64)> {
     let seen = map.seen(problem, view);
     seen.clone().nth(MIN_LANDMARKS_OF_VIEW - 1)?;
@@ -29,9 +29,9 @@ pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f6
     Some((found.pose, found.misfit))
 }
 
-/// Grows a map from the poses it has, by triangulation and resection in turn, as far as it goes.
+/// Grows a map from its poses by alternating triangulation and resection until nothing can be added.
 ///
-/// Landmarks that were first estimated from few views are estimated anew once more views are known.
+/// All landmarks are triangulated again after each round, because more views are then known.
 pub fn grow(problem: &Problem, map: &mut Map) {
     triangulate_all(problem, map);
     loop {
@@ -54,14 +54,15 @@ pub fn grow(problem: &Problem, map: &mut Map) {
     }
 }
 
-/// Bearing error \[rad\] at which a sighting counts as half explained in [`score`]. No option: scores are only compared with
-/// each other, and this fixes what they are.
+/// Bearing error \[rad\] at which a sighting adds one half to [`score`]. Not an option: scores are only compared
+/// with each other.
 const HALF_EXPLAINED: f64 = 0.1;
 
 /// The robust cost of a map over all sightings of the problem, between 0 and their number.
 ///
-/// Each sighting adds `q / (q + c^2)` with q the squared sine of its error (1 and more when it points
-/// away, unless it is a line); a sighting that the map does not reach adds 1.
+/// Each sighting adds `q / (q + c^2)`, where `q` is the squared sine of its error, or one plus the squared
+/// cosine when the landmark is behind the view (unless bearings are modulo pi). A sighting whose view or
+/// landmark is not in the map adds 1.
 pub fn score(problem: &Problem, map: &Map) -> f64 {
     let bound = HALF_EXPLAINED * HALF_EXPLAINED;
     let lines = !problem.is_oriented();
@@ -87,7 +88,7 @@ pub fn score(problem: &Problem, map: &Map) -> f64 {
             } else {
                 square + along * along
             };
-            // error / (error + bound) with both times |d|^2, so one division serves.
+            // Both terms are multiplied by |d|^2, so that one division is enough.
             let total = error + bound * square;
             sum += if total > 0.0 { error / total } else { 1.0 };
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps under limited sight: grown view by view from several seeds, component by component.
+//! Incremental reconstruction under limited sight: view by view from several seeds, one component after another.
 
 mod complete;
 mod gates;
@@ -21,11 +21,11 @@ use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// The maps of all components, refined, the largest first; none when no three views share five
+/// The refined maps of all components, the largest first; empty when no three views share five
 /// landmarks.
 ///
 /// # Errors
-/// [`Error::Interrupted`] and [`Error::OutOfMemory`]; why no triple of views can start a map, when none can.
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`]; when no triple of views can start a map, the error of the last.
 pub fn grow(
     problem: &Problem,
     options: &SolveOptions,
@@ -43,7 +43,7 @@ pub fn grow(
     merge(problem, options, found, progress)
 }
 
-/// The maps of all components from a start of each.
+/// The refined maps of all components, given a start for each.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -71,7 +71,7 @@ pub fn finish_all(
     merge(problem, options, found, progress)
 }
 
-/// The first map that a seed leads to: for [`initialize`](super::initialize).
+/// The first map that grows from a seed, for [`initialize`](super::initialize).
 ///
 /// # Errors
 /// As [`grow`].
@@ -114,7 +114,7 @@ fn component(
         },
         ..*options
     };
-    // Seeds have no view in common, as far as there are such.
+    // No two seeds share a view.
     let mut used = vec![false; problem.views()];
     for _ in 0..stage.seeds {
         let fresh = |views: &&[usize; 3]| views.iter().all(|&view| free[view] && !used[view]);
@@ -128,7 +128,7 @@ fn component(
             let Some(map) = finish(problem, &first, map, free, progress)? else {
                 continue;
             };
-            // Something must check the map.
+            // Without redundancy nothing checks the map.
             if map.freedom == 0 {
                 continue;
             }
@@ -144,7 +144,7 @@ fn component(
             }
         }
     }
-    // Only those go on that may still become the best.
+    // Finish only those that may still become the best.
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = gates::rounding(problem);
     unfinished.retain(|map| is_as_good(variance(map), least, stage.hopeless_ratio, rounding));

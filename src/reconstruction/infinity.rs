@@ -22,7 +22,7 @@ impl Default for InfinityOptions {
     }
 }
 
-/// Takes landmarks at infinity out of a refined map: their range means nothing.
+/// Removes landmarks at infinity from a refined map: their range is undetermined.
 ///
 /// Their bearings have been used: they determine the headings, and the cost counts them.
 pub fn drop_landmarks_at_infinity(
@@ -42,7 +42,7 @@ pub fn drop_landmarks_at_infinity(
         .iter()
         .map(|&landmark| problem.of_landmark(landmark).len().saturating_sub(2))
         .sum();
-    // When the map depends on them, its uncertainty shows it.
+    // When the map depends on them they stay, and its uncertainty shows it.
     if lost >= found.freedom {
         return;
     }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a minimum is worth: its variance, whether it is plausible, to be refused, the same as another or as good,
-//! and which of several is the best.
+//! Judgement of minima: their variance, whether one is plausible or must be rejected, whether two are the same or
+//! equally good, and which of several is the best.
 
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
@@ -48,23 +48,23 @@ impl Default for JudgeOptions {
     }
 }
 
-/// Costs whose ratio is closer to 1 than this are those of one minimum. No option: it is what refinements of one minimum
-/// differ by.
+/// Costs whose ratio is closer to 1 than this belong to the same minimum. Not an option: refinements to the same
+/// minimum differ by up to this.
 pub const SAME_COST: f64 = 1.0 - 1e-6;
 
-/// The estimated variance of a residual over sigma: twice the cost per degree of freedom, 1 when the standard
-/// deviations are right. Per degree of freedom, because maps need not explain the same sightings.
+/// The estimated variance of unit weight: twice the cost per degree of freedom, 1 when the standard deviations are
+/// right. Unlike the cost, it can be compared between maps that explain different sightings.
 pub fn variance(found: &Reconstruction) -> f64 {
     2.0 * found.cost / found.freedom.max(1) as f64
 }
 
-/// The variance of residuals that are rounding of the bearings, for this weight (one over sigma): exact maps
+/// The variance of residuals due to rounding of the bearings, for this weight (one over sigma): exact maps
 /// differ by less.
 pub fn rounding(weight: f64) -> f64 {
     2.0 * f64::EPSILON * (weight * weight)
 }
 
-/// Whether a variance is at most `ratio` times the least, but for rounding.
+/// Whether a variance is at most `ratio` times the least, up to rounding.
 pub fn is_as_good(variance: f64, least: f64, ratio: f64, rounding: f64) -> bool {
     variance <= ratio * least + rounding
 }
@@ -77,22 +77,22 @@ pub fn assess(problem: &Problem, found: &mut Reconstruction) {
     }
 }
 
-/// Fills in sensitivity and uncertainty of the best map and tests it for directions that the bearings leave free.
+/// Fills in sensitivity and uncertainty of the best map, and rejects it if the bearings leave a direction free.
 pub fn judged(problem: &Problem, mut best: Reconstruction) -> Result<Reconstruction, Error> {
     assess(problem, &mut best);
     refuse_free(problem, &best)?;
     Ok(best)
 }
 
-/// Refuses a map that exact bearings leave free in a direction.
+/// Rejects a map with a direction that exact bearings leave free.
 ///
-/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is refused here:
+/// Odometry and priors may determine what bearings do not, however weakly. With these nothing is rejected here:
 /// `diagnose` and the covariance show such directions.
 pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error> {
     if !problem.priors().is_empty() {
         return Ok(());
     }
-    // Beyond this the number is rounding itself.
+    // Above this the value is mostly rounding.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
     // When the bearings are explained to rounding, the geometry must be at fault; with noise the
@@ -140,10 +140,10 @@ pub fn is_plausible_posterior(found: &Reconstruction, options: &JudgeOptions) ->
         && excess <= 0.0_f64.max(bound * (2.0 * freedom).sqrt())
 }
 
-/// Whether a robust map with odometry and priors reaches all that any start would, with no more outliers than
-/// a search finds its way among.
+/// Whether a robust map with odometry and priors contains everything that any start could determine, with no
+/// more outliers than the robust search can handle.
 ///
-/// Its cost is not looked at: real standard deviations are never exact, whereas a wrong map has many outliers
+/// The cost is ignored: real standard deviations are never exact, whereas a wrong map has many outliers
 /// whatever they are.
 pub fn is_plausible_consensus(found: &Reconstruction, options: &JudgeOptions) -> bool {
     // No start would reach these, or their sightings are among the outliers that are counted.
@@ -159,8 +159,8 @@ pub fn is_plausible_consensus(found: &Reconstruction, options: &JudgeOptions) ->
         && options.sightings_per_outlier.saturating_mul(outliers) <= found.inliers.len()
 }
 
-/// Refuses a map that chance explains: for any bearings, even random ones, there is a map with which as many of
-/// them agree as it has unknowns, and a few more.
+/// Rejects a map that may be a chance agreement: for any bearings, even random ones, some map agrees with as many
+/// of them as it has unknowns, and a few more.
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
@@ -174,8 +174,8 @@ pub fn refuse_chance(found: &Reconstruction, options: &JudgeOptions) -> Result<(
     )
 }
 
-/// Refuses a map along odometry that most bearings do not agree with: the odometry alone makes a map, whatever
-/// they say.
+/// Rejects a map along odometry with which most bearings disagree: odometry alone gives a map, whatever the
+/// bearings.
 ///
 /// # Errors
 /// [`Error::NoConsensus`].
@@ -230,7 +230,7 @@ pub fn choose(
     let ratio = options.rival_ratio;
     let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = rounding(mean_weight(problem));
-    // Of those that fit about as well as the best, the one that reaches most.
+    // Of those that fit about as well as the best, the one that leaves least undetermined.
     let rank = |found: &Reconstruction| {
         let variance = variance(found);
         let fits = is_as_good(variance, least, ratio, rounding);
@@ -261,7 +261,7 @@ pub fn choose(
     Ok(best)
 }
 
-/// Views and landmarks that a map does not reach.
+/// Number of undetermined views and landmarks.
 fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }

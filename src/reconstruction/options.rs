@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a caller may choose, and how it is told of progress.
+//! Options of a solve, and reports of progress.
 
 use super::stages::StageOptions;
 use crate::kernels::Method;
@@ -10,35 +10,36 @@ use crate::lm::RefineOptions;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Strategy {
-    /// Many triples of views, both branches of each; the best few refined. Under limited sight (more
-    /// than 40 views, or eight and more that see less than 60 % of the landmarks) as `Incremental`.
+    /// Many triples of views, both branches of each; the best few refined. Under limited sight (more than 40
+    /// views, or at least eight that see less than 60 % of the landmarks on average) as `Incremental`.
     Search,
-    /// Well conditioned triples of views grown by resection and triangulation, with refinement in
+    /// Well-conditioned triples of views grown by resection and triangulation, with refinement in
     /// between; several maps where the views are not connected.
     Incremental,
-    /// All views at once: headings by rotation averaging over many triples, then one sparse linear
-    /// system for all positions and landmarks.
+    /// All views at once: headings by rotation averaging over many triples, then one linear system for
+    /// all positions and landmarks.
     Global,
-    /// The paper's path from the first three views, with its own or the calibrated tensor.
+    /// The method of Dellaert and Stroupe (2002) from the first three views, with their tensor or the
+    /// calibrated one.
     FirstViews(Method),
 }
 
 /// How wide a search is.
 ///
-/// `docs/accuracy.md` has how often the defaults miss the best known minimum, and where.
+/// `docs/accuracy.md` says how often the defaults miss the best known minimum, and where.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SearchOptions {
     /// Triples of views whose tensor is estimated.
     pub triples: usize,
-    /// The best conditioned of them, which are grown to whole maps, both branches.
+    /// How many of them, the best conditioned, are grown to whole maps, both branches of each.
     pub grown: usize,
-    /// Most maps that are refined; fewer when the first or two that agree are enough.
+    /// Maximum number of maps that are refined; fewer when one is plausible or two agree.
     pub candidates: usize,
-    /// Triples, the best conditioned, whose tensor is varied along the direction that the bearings
-    /// determine least when the candidates leave doubt; twice as many candidates are then refined.
-    /// Zero for none.
+    /// If the candidates leave doubt, the number of best-conditioned triples whose tensor is varied along
+    /// the direction that the bearings determine least; twice as many candidates are then refined. Zero
+    /// disables this.
     pub swept: usize,
 }
 
@@ -60,16 +61,15 @@ impl Default for SearchOptions {
 pub struct SolveOptions {
     /// How a first map is found.
     pub strategy: Strategy,
-    /// How wide a search is: of [`Strategy::Search`], where it is effective.
+    /// How wide the search is, for [`Strategy::Search`] without limited sight.
     pub search: SearchOptions,
     /// Options of the refinement.
     pub refine: RefineOptions,
-    /// Seed of the draw of triples: the same seed gives the same bits.
+    /// Seed of all random draws: the same seed gives the same bits.
     pub seed: u64,
-    /// Expect outliers: wrong bearings of any kind are found and left out. Needs the standard
-    /// deviations of the bearings: an outlier is a bearing that misses by more than three of them. The
-    /// strategy applies to the final search over the inliers. [`initialize`](crate::initialize) ignores
-    /// this option.
+    /// Find outliers, gross errors of any kind, and exclude them. Needs the standard deviations of the
+    /// bearings: an outlier is a bearing whose residual exceeds three of them. The strategy applies to the
+    /// final search over the inliers. [`initialize`](crate::initialize) ignores this option.
     pub robust: bool,
     /// Thresholds of the stages, for experiments: the defaults suit any problem.
     pub stages: StageOptions,
@@ -88,7 +88,7 @@ impl Default for SolveOptions {
     }
 }
 
-/// Called now and then with the stage, the steps done and their number; `false` stops the work.
+/// Called at intervals with the stage, the steps done and the number of steps; returning `false` stops the work.
 pub type Progress<'a> = &'a mut dyn FnMut(&'static str, usize, usize) -> bool;
 
 /// Reports progress to a caller who asked for it; `false` when the work is to stop.

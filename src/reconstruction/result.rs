@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a reconstruction returns.
+//! The result of a reconstruction.
 
 use crate::adjustment::Report;
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
@@ -26,14 +26,15 @@ pub struct Reconstruction {
     /// Root mean square of the residuals of the inliers \[rad\].
     pub rms: f64,
     /// Predicted minus measured bearing \[rad\] in (-pi, pi], in the order of the problem's input;
-    /// `None` where an end is undetermined, unless it is a landmark at infinity.
+    /// `None` where the view or the landmark is undetermined, except for landmarks at infinity.
     pub residuals: Vec<Option<f64>>,
-    /// Which sightings made the map, in the order of the problem's input. With
+    /// Which sightings the map is estimated from, in the order of the problem's input. With
     /// [`SolveOptions::robust`](crate::SolveOptions::robust) those whose residual is at most three
     /// sigma, with a truncated loss those within its width; otherwise all that have a residual.
     pub inliers: Vec<bool>,
-    /// Degrees of freedom: inliers between determined views and landmarks, less their parameters
-    /// except for the four of the gauge.
+    /// Degrees of freedom (redundancy): inliers between determined views and landmarks, plus the numbers
+    /// that odometry and priors measure, minus the parameters without those of the gauge (four for bearings
+    /// alone).
     pub freedom: usize,
     /// How the refinement ended.
     pub termination: Termination,
@@ -44,23 +45,22 @@ pub struct Reconstruction {
     /// Predicted standard deviation of the map over its size, in the direction that the bearings
     /// determine least, for residuals of one sigma; NaN when it was not computed.
     pub sensitivity: f64,
-    /// The same for residuals as large as they are: [`Reconstruction::sensitivity`] times the root of
-    /// twice the cost per degree of freedom. Above 0.2 be careful; near and above 1 the bearings do not
-    /// determine the map. It is computed at the map: where noise has been taken for parallax, as with
-    /// landmarks along a wall, it is too small. NaN when there are no degrees of freedom to judge the
-    /// noise by.
+    /// The same for the residuals observed: [`Reconstruction::sensitivity`] times the root of twice the cost
+    /// per degree of freedom. Be careful above 0.2; near and above 1 the bearings do not determine the map.
+    /// It is linearised at the estimate, so it is too small where the estimate mistakes noise for parallax,
+    /// as with landmarks along a wall. NaN when there are no degrees of freedom to estimate the noise from.
     pub uncertainty: f64,
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
     pub alternatives: Vec<Self>,
     /// Maps of other views, which share too few landmarks with this one to be joined: the largest first,
-    /// each in a gauge of its own. A landmark may have a place in several maps. What is `undetermined` in
-    /// this map is in none of them.
+    /// each in a gauge of its own. A landmark may be in several maps. What is `undetermined` in this map
+    /// is in none of them.
     pub components: Vec<Self>,
 }
 
 impl Reconstruction {
-    /// Normalises a map and judges it.
+    /// Normalises a map and computes its residuals.
     pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
         let map = in_reported_frame(problem, map);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
@@ -125,7 +125,8 @@ impl fmt::Display for Reconstruction {
     }
 }
 
-/// A number in three digits, from 0.001 to 999; a longer or shorter one as an integer or with an exponent.
+/// A number with three significant digits; from 1000 to a million as an integer, beyond that and below 0.001 with
+/// an exponent.
 struct Short(f64);
 
 impl fmt::Display for Short {
@@ -143,7 +144,7 @@ impl fmt::Display for Short {
     }
 }
 
-/// Measured numbers less parameters, except for those of the gauge.
+/// Measured numbers minus parameters, without those of the gauge.
 fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();

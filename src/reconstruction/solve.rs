@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The public verbs: a first map, the refinement of a start, and the best map from nothing.
+//! The public functions: `initialize` for a first map, `refine` for a given start, `solve` for the best map.
 
 use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::judge::{assess, choose, judged};
@@ -13,10 +13,10 @@ use crate::error::Error;
 use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem, Subject, Why};
 
-/// A linear map without refinement: a start for a solver of one's own.
+/// A linear map without refinement, as a start for another solver.
 ///
-/// The best hypothesis of the search, or with [`Strategy::FirstViews`](super::Strategy::FirstViews) the map at the end of the
-/// paper's path, whatever its cost. Same gauge as [`solve`]; [`Termination::NotRefined`].
+/// The best hypothesis of the search, or with [`Strategy::FirstViews`](super::Strategy::FirstViews) the map of
+/// that method, whatever its cost. Same gauge as [`solve`]; [`Termination::NotRefined`].
 ///
 /// # Errors
 /// As [`solve`], except that the result is not tested for free directions.
@@ -64,9 +64,9 @@ pub fn initialize(
 
 /// Refines a start: one map, no search.
 ///
-/// Places of the start that are `None`, or that its other places do not fix, stay undetermined. The
-/// result is in the gauge of [`solve`], with its sensitivity and uncertainty, but is no error whatever
-/// they are. [`refine_map`](crate::refine_map) does the bare minimisation.
+/// Views and landmarks that are `None` in the start, or that the others do not determine, stay
+/// undetermined. The result is in the gauge of [`solve`], with sensitivity and uncertainty; however large
+/// these are, they are no error. [`refine_map`](crate::refine_map) only minimises.
 ///
 /// # Errors
 /// As [`refine_map`](crate::refine_map).
@@ -96,27 +96,28 @@ pub fn refine(
     Ok(found)
 }
 
-/// Poses and landmarks from bearings alone: no odometry, no guess.
+/// Poses and landmarks from bearings, without an initial guess.
 ///
 /// Triples of views give hypotheses in closed form, both branches of each; the best conditioned are
 /// grown to whole maps by resection and triangulation and scored by a robust cost over all bearings;
-/// the best are refined until one is as low as the noise says or two end in the same minimum. If they
-/// do not, more hypotheses are made by varying the tensors along the direction that the
-/// bearings determine least. Then single landmarks are tried in other places. The lowest minimum is returned,
-/// with the rivals that explain the bearings nearly as well (the mirror branch of three views, the
-/// several exact maps of four landmarks).
+/// the best are refined until one is as low as the noise predicts or two end in the same minimum.
+/// Otherwise more hypotheses are made by varying the tensors along the direction that the bearings
+/// determine least. Then single landmarks are tried in other places. The lowest minimum is returned, with
+/// the rivals that explain the bearings nearly as well (the mirror branch of three views, the several
+/// exact maps of four landmarks). Odometry and priors, where the problem has any, give further starts.
 ///
-/// The first determined view is at the origin with heading 0 and the root-mean-square distance of the
-/// other views from it is 1. Views and landmarks that the bearings do not determine are `None` and
-/// listed with the reason.
+/// From bearings alone, the first determined view is at the origin with heading 0 and the
+/// root-mean-square distance of the other views from it is 1. Views and landmarks that the bearings do not
+/// determine are `None` and listed with the reason.
 ///
 /// # Errors
-/// [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks (four, where there
-/// is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks along one
-/// wall, views in one place) or exact bearings leave a direction of the map free;
-/// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress`
-/// says so; with [`SolveOptions::robust`] [`Error::SigmaTooLarge`] for a sigma above 0.35 rad. With noise a degenerate geometry shows in
-/// [`Reconstruction::uncertainty`]: look at it before you trust a map.
+/// [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks
+/// (four, where there is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks
+/// along one wall, views in one place) or exact bearings leave a direction of the map free;
+/// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress` says
+/// so; with [`SolveOptions::robust`], [`Error::SigmaTooLarge`] for a sigma above 0.35 rad and
+/// [`Error::NoConsensus`]. With noise, a degenerate geometry shows in [`Reconstruction::uncertainty`]: look
+/// at it before you trust a map.
 ///
 /// # Example
 /// ```

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which strategy suits how much the views see, what it finds, and how the maps of several components are returned.
+//! Choice of the strategy by how much the views see, and the result of several components.
 
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
@@ -23,7 +23,7 @@ fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
     }
 }
 
-/// The map from bearings alone, without outliers, judged.
+/// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
@@ -35,7 +35,7 @@ pub fn solve(
     judged(problem, lowest(problem, options, progress)?)
 }
 
-/// The same, not yet tested for free directions.
+/// As [`solve`], but not yet tested for free directions.
 ///
 /// # Errors
 /// As [`solve`].
@@ -64,8 +64,8 @@ pub fn lowest(
     }
 }
 
-/// The maps of all components, refined, the largest first; empty where the other paths are to be taken:
-/// everything sees nearly everything, or no three views share five landmarks.
+/// The refined maps of all components, the largest first; empty for the other strategies, or when no three
+/// views share five landmarks.
 fn components(
     problem: &Problem,
     options: &SolveOptions,
@@ -81,7 +81,7 @@ fn components(
     }
 }
 
-/// First maps without refinement, the best first: two of a search, for either may be the better one.
+/// First maps without a final refinement, the best first; two of a search, because either may be the better one.
 ///
 /// # Errors
 /// As [`initialize`](super::initialize).
@@ -125,10 +125,10 @@ fn no_map(problem: &Problem, options: &SolveOptions) -> Error {
     }
 }
 
-/// The largest map with the others as its components; `None` of none.
+/// The largest map with the others as its components; `None` when there are none.
 ///
-/// What is in any of them is not undetermined. The components list only their own landmarks at
-/// infinity.
+/// What is in any component is not listed as undetermined. The components list only their own landmarks
+/// at infinity.
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
@@ -148,8 +148,7 @@ pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<R
         }
     }
     for other in &mut main.components {
-        // A landmark at infinity is part of the map all the same. What this map never reached is not listed
-        // here.
+        // List landmarks at infinity, which still belong to this map, but not what it never reached.
         other
             .undetermined
             .retain(|undetermined| undetermined.why == Why::AtInfinity);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The smallest errors that are possible.
+//! The Cramer-Rao bound of a scene.
 
 use super::Scene;
 #[cfg(not(feature = "std"))]
@@ -10,15 +10,15 @@ use crate::uncertainty::aligned_variances;
 /// The Cramer-Rao bound on the errors of a map, in the measure of [`Errors`](super::Errors).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Of the root mean square distance of views and landmarks from their true positions.
+    /// Bound on the root mean square distance of views and landmarks from their true positions.
     pub position_rms: f64,
-    /// Of the root mean square error of the headings \[rad\].
+    /// Bound on the root mean square error of the headings \[rad\].
     pub heading_rms: f64,
 }
 
 impl Scene {
     /// The least root mean square errors that an unbiased estimate from bearings with Gaussian noise of
-    /// this standard deviation \[rad\] can have, after the similarity that fits all positions best.
+    /// this standard deviation \[rad\] can have, after the similarity that aligns all positions best.
     ///
     /// `None` when the bearings do not determine the map, or the scene has more than 1024 parameters.
     ///

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Wrong bearings among good ones.
+//! Contamination of the bearings with outliers.
 
 use super::{Scene, wrap};
 use alloc::vec;
@@ -8,18 +8,18 @@ use core::f64::consts::{PI, TAU};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Draws of a partner for a swap before it is given up: the view has none left.
+/// Draws of a partner for a swap before it is given up, because the view probably has none left.
 const PARTNERS: usize = 64;
 
 impl Scene {
-    /// The scene with a share of its bearings made wrong, and which these are, in the order of
+    /// The scene with a fraction of its bearings made outliers, and which these are, in the order of
     /// [`Scene::bearings`].
     ///
-    /// A third of them, as far as it is even, are swapped with another of the same view: wrongly
-    /// identified landmarks. A third are turned by pi, the rest are replaced by random ones. By chance a
-    /// random or a swapped bearing may still be right.
+    /// A third of them (rounded down to an even number) are swapped in pairs within a view: wrong
+    /// correspondences. A third are turned by pi, and the rest replaced by random bearings. By chance a random
+    /// or a swapped bearing may still be right.
     ///
-    /// `share` is taken between 0 and 1. The same arguments give the same scene.
+    /// `share` is clamped to 0 to 1. The same arguments give the same scene.
     ///
     /// # Example
     /// ```
@@ -39,7 +39,7 @@ impl Scene {
             .filter(|&k| !scene.bearings[k].is_nan())
             .collect();
         let count = share_of(share, left.len());
-        // In random order: the first are the first to go wrong.
+        // Shuffle: bearings are made outliers in this order.
         let all = left.len();
         for place in 0..all {
             left.swap(place, random.random_range(place..all));
@@ -81,7 +81,7 @@ impl Scene {
     }
 }
 
-/// A share of a number, rounded.
+/// A fraction of a number, rounded.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How far a map is from the truth.
+//! Errors of a map with respect to the truth.
 
 use super::Scene;
 use crate::error::Error;
@@ -10,7 +10,7 @@ use crate::problem::Map;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 
-/// Errors of a map against the truth, after the similarity that fits all positions best.
+/// Errors of a map with respect to the truth, after the similarity that aligns all positions best.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// Root mean square distance of views and landmarks from their true positions.
@@ -24,7 +24,7 @@ pub struct Errors {
 }
 
 impl Scene {
-    /// The errors of what a map determines; what it leaves undetermined does not count.
+    /// The errors of the determined views and landmarks of a map; undetermined ones do not count.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] when the map is not of the scene's size, otherwise as
@@ -94,7 +94,7 @@ impl Scene {
     }
 }
 
-/// Sizes, summed up.
+/// Sums over the sizes of errors.
 #[derive(Default)]
 struct ErrorSums {
     count: f64,

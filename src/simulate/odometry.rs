@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Odometry of a scene, with noise.
+//! Simulated odometry with noise.
 
 use super::Scene;
 use crate::error::Error;
@@ -25,7 +25,7 @@ impl Scene {
     /// let odometry = scene.odometry([0.01, 0.01, 0.01], 2)?;
     /// let problem = Problem::dense(30, 20, &scene.bearings, 0.01)?.with_odometry(&odometry)?;
     /// let found = solve(&problem, &SolveOptions::default(), None)?;
-    /// // Odometry knows the scale.
+    /// // Odometry determines the scale.
     /// let step = odometry[0].delta.translation.vector.norm();
     /// let position = found.map.poses[1].unwrap().translation.vector.norm();
     /// assert!((position - step).abs() < 0.05);

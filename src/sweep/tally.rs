@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Counts that add up in any order.
+//! Statistics of outcomes that can be merged in any order.
 
 use super::trial::TrialOutcome;
 use crate::simulate::Bound;
 use alloc::collections::BTreeMap;
 
-/// What is known of many outcomes: counts, whole sums, and histograms.
+/// Statistics of many outcomes: counts, integer sums, and histograms.
 ///
-/// All is integer, so that tallies add up to the same bits in any order.
+/// Everything is an integer, so that merging in any order gives the same bits.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Trials.
     pub trials: u64,
-    /// Trials whose cost is not the least known, see [`TrialOutcome::failed`].
+    /// Trials whose cost is not the least known one, see [`TrialOutcome::failed`].
     pub failures: u64,
     /// Of these, those without any map.
     pub without_map: u64,
@@ -20,13 +20,13 @@ pub struct Tally {
     pub incomplete: u64,
     /// Linear systems solved.
     pub iterations: u64,
-    /// Time, all in all \[ns\].
+    /// Total time \[ns\].
     pub nanoseconds: u64,
     /// Histograms, one for each of [`Quantity::ALL`].
     pub histograms: [Histogram; 4],
 }
 
-/// What there are histograms of.
+/// The quantities with a histogram.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Root mean square error of the positions of views and landmarks.
@@ -69,7 +69,7 @@ impl Tally {
         }
     }
 
-    /// Adds all that another tally has.
+    /// Adds another tally.
     pub fn merge(&mut self, other: &Self) {
         self.trials += other.trials;
         self.failures += other.failures;
@@ -83,7 +83,7 @@ impl Tally {
     }
 }
 
-/// Counts over logarithmic bins: any quantile to half a percent, in whatever order the values come.
+/// Counts over logarithmic bins: gives any quantile to half a percent, and does not depend on the order of values.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Histogram {
     counts: BTreeMap<i16, u64>,
@@ -92,31 +92,30 @@ pub struct Histogram {
 /// Bins for every factor of two: each is 1.1 % wide.
 pub const BINS_PER_OCTAVE: i16 = 64;
 
-/// Values below two to the power of minus this and above its inverse share the outermost bins.
+/// Values below 2 to the power of minus this, and above 2 to the power of this, share the outermost bins.
 const OCTAVES: i16 = 64;
 
 impl Histogram {
-    /// Adds a value that is not negative. Zero counts into the lowest bin, NaN into none.
+    /// Adds a non-negative value. Zero counts in the lowest bin, NaN in none.
     pub fn add(&mut self, value: f64) {
         if let Some(bin) = Self::bin(value) {
             *self.counts.entry(bin).or_default() += 1;
         }
     }
 
-    /// Adds all that another histogram has.
+    /// Adds another histogram.
     pub fn merge(&mut self, other: &Self) {
         for (&bin, &count) in &other.counts {
             *self.counts.entry(bin).or_default() += count;
         }
     }
 
-    /// Bins and their counts, in ascending order. Bin k is the values from `2^(k/64)` to `2^((k+1)/64)`.
+    /// Bins and their counts, in ascending order. Bin k holds the values from `2^(k/64)` to `2^((k+1)/64)`.
     pub fn counts(&self) -> impl Iterator<Item = (i16, u64)> {
         self.counts.iter().map(|(&bin, &count)| (bin, count))
     }
 
-    /// The value below which a share `q` from 0 to 1 of the values lies, to half a percent; NaN
-    /// when there are none.
+    /// The `q` quantile of the values, `q` from 0 to 1, to half a percent; NaN when there are none.
     pub fn quantile(&self, q: f64) -> f64 {
         let total: u64 = self.counts.values().sum();
         // The rank is exact as long as there are fewer than 2^53 values.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! One random scene, solved from several starts and judged.
+//! One random scene, solved from several starts and compared.
 
 use super::Cell;
 use crate::error::Error;
@@ -18,16 +18,16 @@ use std::time::Instant;
 pub enum Start {
     /// Another random scene of the same kind.
     Random,
-    /// The paper's path from the first three views.
+    /// The method of Dellaert and Stroupe (2002) from the first three views.
     Projective,
-    /// The same path with the calibrated tensor, which needs five landmarks.
+    /// The same method with the calibrated tensor, which needs five landmarks.
     Calibrated,
-    /// All that [`solve`](crate::solve) does.
+    /// The full search of [`solve`](crate::solve).
     Solve,
 }
 
 impl Start {
-    /// All of them.
+    /// All starts.
     pub const ALL: [Self; 4] = [
         Self::Random,
         Self::Projective,
@@ -46,18 +46,18 @@ impl Start {
     }
 }
 
-/// What came of one start.
+/// The outcome of one start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrialOutcome {
-    /// Half the sum of squared residuals over sigma; infinite when there is no map, or it leaves out a
-    /// bearing.
+    /// Half the sum of squared residuals over sigma; infinite when there is no map, or when it leaves out
+    /// a bearing.
     pub cost: f64,
-    /// Whether the cost exceeds the least known for the scene, over all starts and the refinement that
-    /// starts at the truth, by more than 1e-5 of it and 1e-12.
+    /// Whether the cost exceeds the least known one of the scene, over all starts and the refinement from the
+    /// truth, by more than 1e-5 of it plus 1e-12.
     pub failed: bool,
     /// Errors against the truth; `None` when there is no map.
     pub errors: Option<Errors>,
-    /// Whether the map leaves a view or a landmark undetermined, if only its range.
+    /// Whether the map leaves a view or a landmark undetermined, even if only the range of a landmark.
     pub incomplete: bool,
     /// Linear systems solved in the refinement that won.
     pub iterations: usize,
@@ -65,7 +65,7 @@ pub struct TrialOutcome {
     pub nanoseconds: u64,
 }
 
-/// One scene and what came of each start.
+/// One scene and the outcome of each start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepTrial {
     /// One for every start, in their order.
@@ -77,8 +77,8 @@ pub struct SweepTrial {
 }
 
 impl Cell {
-    /// The seed of [`simulate`](crate::simulate) for a trial: scenes of different cells, seeds and
-    /// trials have nothing in common.
+    /// The seed of [`simulate`](crate::simulate) for a trial, so that scenes of different cells, seeds and
+    /// trials are independent.
     pub fn scene_seed(&self, seed: u64, trial: u64) -> u64 {
         let words = [
             self.layout as u64,
@@ -114,11 +114,11 @@ fn mix(word: u64) -> u64 {
 }
 
 impl SweepTrial {
-    /// Draws the scene of a trial, solves it from each start, and judges.
+    /// Draws the scene of a trial, solves it from each start, and compares the costs.
     ///
     /// # Errors
     /// Those of [`simulate`](crate::simulate), and [`Error::Interrupted`] when `progress` says so. A start that
-    /// finds no map is an outcome.
+    /// finds no map is an outcome, not an error.
     pub fn run(
         cell: &Cell,
         starts: &[Start],
@@ -139,7 +139,7 @@ impl SweepTrial {
         };
         let mut outcomes = Vec::with_capacity(starts.len());
         for &start in starts {
-            // Another scene of the cell, and for the solver another stream than that of the scene.
+            // The seed of another scene of the cell.
             let other = mix(scene_seed);
             let begin = Instant::now();
             let found = match start {
@@ -189,7 +189,7 @@ impl SweepTrial {
     }
 }
 
-/// The paper's path, refined.
+/// The method of Dellaert and Stroupe, refined.
 fn follow(
     problem: &Problem,
     method: Method,
@@ -203,7 +203,7 @@ fn follow(
     refine(problem, &start.map, &options.refine, Some(progress))
 }
 
-/// The cost of a map that accounts for every bearing; infinite for any other.
+/// The cost of a map that explains every bearing; infinite for any other.
 fn full_cost(found: &Reconstruction) -> f64 {
     if found
         .undetermined

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Covariances of poses and landmarks, in a stated gauge.
+//! Covariances of poses and landmarks, in a stated datum.
 
 use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
 use super::weak_directions::free_directions;
@@ -12,46 +12,45 @@ use crate::problem::{Map, Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Matrix2, Matrix3};
 
-/// Covariances of what a map determines.
+/// Covariances of the determined poses and landmarks of a map.
 ///
-/// They are those of the estimate for the standard deviations that the problem states, to first order. An
-/// infinite variance (and NaN beside the diagonal) is that of something that moves in a direction that
-/// nothing holds.
+/// They are those of the estimate for the standard deviations stated by the problem, to first order. A variance
+/// is infinite (and its covariances are NaN) when the parameter moves in a free direction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
-    /// In which frame.
+    /// The frame that they refer to.
     pub frame: Frame,
     /// Of each pose (x, y, heading \[rad\]), in the axes of the map.
     pub poses: Vec<Option<Matrix3<f64>>>,
     /// Of each landmark (x, y).
     pub landmarks: Vec<Option<Matrix2<f64>>>,
-    /// Directions that nothing holds, beyond the gauge.
+    /// Number of free directions beyond the gauge.
     pub free: usize,
 }
 
-/// Most columns of the inverse that are solved for at a time, two per subject at least: several are faster than
-/// one, and memory stays small. It decides about time only.
+/// Maximum number of columns of the inverse that are solved for at once, at least two per subject: several are faster
+/// than one, and memory stays small. It affects time only.
 const BATCH: usize = 64;
 
-/// Most free directions beyond the gauge that are looked for. A map with more is all but undetermined: some of its
-/// variances are then finite that should not be.
+/// Maximum number of free directions beyond the gauge that are sought. A map with more is almost undetermined, and
+/// some variances come out finite that should be infinite.
 const LOOKED_FOR: usize = 12;
 
-/// Share of the largest entry of a free direction below which a parameter does not move in it: above the error of the
-/// iteration that finds the direction, below any real move.
+/// Fraction of the largest entry of a free direction below which a parameter does not move in it: above the error of
+/// the iteration that finds the direction, below any real move.
 const STANDS_STILL: f64 = 1e-6;
 
 /// Covariances of poses and landmarks of a refined map, (T27).
 ///
-/// The sparse normal equations are factorised with anchors that hold the gauge, and their inverse, column by
-/// column, is brought into the frame by an S-transformation. A rank-deficient problem is no failure: what a free
-/// direction moves has infinite variance, the rest its own.
+/// The sparse normal equations are factorised with anchors that fix the gauge; an S-transformation brings their
+/// inverse, column by column, into the frame. A rank-deficient problem is not an error: parameters that a free
+/// direction moves have infinite variance, the others their own.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
-/// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
-/// not hold the equations; [`Error::Interrupted`] when `observer`, called with the columns
-/// done and their number, says so.
+/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::TooFew`] when no view of it is
+/// determined; [`Error::Degenerate`] for [`Frame::Priors`] when odometry and priors leave part of the gauge free, or
+/// when the normal equations cannot be factorised; [`Error::OutOfMemory`] when they do not fit into memory;
+/// [`Error::Interrupted`] when `observer`, called with the number of subjects done and in all, says so.
 ///
 /// # Example
 /// ```
@@ -63,7 +62,7 @@ const STANDS_STILL: f64 = 1e-6;
 /// let problem = Problem::dense(8, 11, &scene.bearings, noise)?;
 /// let found = solve(&problem, &SolveOptions::default(), None)?;
 /// let covariance = covariance(&problem, &found.map, Loss::Squared, Frame::FirstView, None)?;
-/// // The first view is what the others are seen from.
+/// // The first view is the datum.
 /// assert!(covariance.poses[0].unwrap().norm() < 1e-12);
 /// assert!(covariance.landmarks[3].unwrap().trace() > 0.0);
 /// # Ok::<(), bearslam::Error>(())
@@ -173,7 +172,7 @@ fn blocks(
     Ok(found)
 }
 
-/// `S = 1 - E (C^T E)^-1 C^T`: takes any solution along the free directions E to the one that obeys the
+/// `S = 1 - E (C^T E)^-1 C^T`: moves any solution along the free directions E to the one that satisfies the
 /// constraints C.
 struct Transformation {
     /// E times `(C^T E)^-1`.
@@ -200,12 +199,12 @@ impl Transformation {
             Frame::FirstView => FixedByPriors::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
-        // Where priors fix only part of a position, the frame of a view does not exist.
+        // Where priors fix only part of a position, the frame of the first view does not exist.
         if constraints.len() != gauge.len() {
             constraints = inner_constraints(gauge, views);
         }
         let free = in_frame(gauge, &constraints, free);
-        // Along what is free for other reasons, in units of standard deviations.
+        // Constraints along the other free directions, in units of standard deviations.
         let weighted = free.iter().map(|direction| {
             let entries = direction.iter().enumerate();
             entries
@@ -237,7 +236,7 @@ impl Transformation {
         let full = raw - &cross - cross.transpose() + lift * &self.core * lift.transpose();
         let mut block = (&full + full.transpose()) * 0.5;
         for k in 0..width {
-            // What the frame holds fixed has no variance but rounding, which may be negative.
+            // What the frame fixes has no variance except rounding, which may be negative.
             if block[(k, k)] < 0.0 {
                 block.row_mut(k).fill(0.0);
                 block.column_mut(k).fill(0.0);

@@ -12,11 +12,11 @@ use nalgebra::{Point2, SMatrix, SVector};
 /// known landmarks (`N = 3`).
 ///
 /// With the residuals `r` (predicted minus measured bearing) and their derivatives `J` by the `N` unknowns, the
-/// covariance is `sigma^2 (J^T J)^-1`: that of least squares to first order in the noise, all bearings
-/// independent with the standard deviation `sigma`, what is given taken as exact. The linear estimates
-/// [`triangulate`](crate::triangulate) and [`resect`](crate::resect) have the same, because they divide each row by
-/// its range. It is the covariance for the stated `sigma`; multiplied by the square of `sigma0` it is that for
-/// residuals as large as they are.
+/// covariance is `sigma^2 (J^T J)^-1`: that of least squares to first order in the noise, for independent bearings
+/// with the standard deviation `sigma` and exact given poses or landmarks. The linear estimates
+/// [`triangulate`](crate::triangulate) and [`resect`](crate::resect) have the same covariance, because they divide
+/// each row by its range. It holds for the stated `sigma`; multiply it by the square of `sigma0` to scale it to the
+/// observed residuals.
 ///
 /// # Example
 /// ```
@@ -30,7 +30,7 @@ use nalgebra::{Point2, SMatrix, SVector};
 /// // Rays at right angles: the range of sqrt(2) times sigma in every direction.
 /// assert!((fix.covariance[(0, 0)].sqrt() - 2_f64.sqrt() * 0.01).abs() < 1e-12);
 /// assert!(fix.covariance[(0, 1)].abs() < 1e-12);
-/// // Two rays always meet: nothing is left to judge sigma by.
+/// // Two rays always meet: there is no redundancy to check sigma.
 /// assert!(fix.sigma0.is_nan());
 /// # Ok::<(), bearslam::Error>(())
 /// ```
@@ -41,18 +41,18 @@ pub struct Fix<const N: usize> {
     /// Root mean square of the residuals \[rad\].
     pub rms: f64,
     /// Standard deviation of unit weight: root of the sum of `(r / sigma)^2` over the redundancy, the number of
-    /// sightings less `N`. About 1 where `sigma` is right; NaN without redundancy.
+    /// sightings minus `N`. About 1 if `sigma` is right; NaN without redundancy.
     pub sigma0: f64,
 }
 
 impl Fix<2> {
     /// The fix of a landmark at `point` from rays: known poses, and the bearing measured at each.
     ///
-    /// A ray that begins at the landmark itself says nothing of it, and does not count.
+    /// A ray from the position of the landmark itself does not determine anything and is ignored.
     ///
     /// # Errors
     /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a landmark, pose or bearing that is
-    /// not; [`Error::TooFew`] for fewer than two rays; [`Error::Degenerate`] when all are along one line.
+    /// not finite; [`Error::TooFew`] for fewer than two rays; [`Error::Degenerate`] when all are along one line.
     pub fn of_landmark<I>(point: &Point2<f64>, rays: I, sigma: f64) -> Result<Self, Error>
     where
         I: IntoIterator<Item = (Pose<f64>, Bearing<f64>)>,
@@ -71,12 +71,12 @@ impl Fix<2> {
 impl Fix<3> {
     /// The fix of a view at `pose` from sightings: known landmarks, and the bearing of each.
     ///
-    /// A landmark at the position of the view says nothing of it, and does not count.
+    /// A landmark at the position of the view does not determine anything and is ignored.
     ///
     /// # Errors
     /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a pose, landmark or bearing that is
-    /// not; [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are on one circle with
-    /// the view.
+    /// not finite; [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are on one circle
+    /// with the view.
     pub fn of_pose<I>(pose: &Pose<f64>, sightings: I, sigma: f64) -> Result<Self, Error>
     where
         I: IntoIterator<Item = (Point2<f64>, Bearing<f64>)>,
@@ -93,7 +93,7 @@ impl Fix<3> {
     }
 }
 
-/// One over a standard deviation, whose square must be a number as well.
+/// One over a standard deviation. Its square must be finite and positive as well.
 fn weight(sigma: f64) -> Result<f64, Error> {
     let weight = 1.0 / sigma;
     let square = weight * weight;
@@ -107,8 +107,8 @@ fn weight(sigma: f64) -> Result<f64, Error> {
     Ok(weight)
 }
 
-/// Pivot of the normal equations, each unknown in units of its own information, up to which they are singular:
-/// the rounding of their entries.
+/// The normal equations, scaled to a unit diagonal, are singular when a pivot is not above this: the rounding of
+/// their entries.
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
 
 impl<const N: usize> Fix<N> {
@@ -137,7 +137,7 @@ impl<const N: usize> Fix<N> {
                 got: count,
             });
         }
-        // Lengths and radians differ: each unknown in units of what the bearings say of it alone.
+        // Lengths and radians have different units: scale each unknown by its own information.
         let unit = information.diagonal().map(|entry| 1.0 / entry.sqrt());
         let scale = SMatrix::from_diagonal(&unit);
         let singular = |value: f64| Error::Degenerate {
@@ -176,7 +176,7 @@ mod tests {
 
     const SIGMA: f64 = 0.003;
 
-    /// Bearings, each with what is known at its other end.
+    /// Bearings, each with its known pose or landmark.
     type Bearings<T> = Vec<(T, Bearing<f64>)>;
 
     fn rays() -> (Point2<f64>, Bearings<Pose<f64>>) {
@@ -210,7 +210,7 @@ mod tests {
         seen
     }
 
-    /// What the noise of the bearings does to an estimate, by differences of the estimate itself.
+    /// Covariance of an estimate by propagation of the bearing noise, with numerical derivatives of the estimate.
     fn by_differences<T: Clone, const N: usize>(
         seen: &[(T, Bearing<f64>)],
         estimate: impl Fn(&[(T, Bearing<f64>)]) -> SVector<f64, N>,
@@ -238,7 +238,7 @@ mod tests {
         ])
     }
 
-    // 1e-6: central differences with a step of 1e-5 rad are wrong by its square, times the curvature.
+    // 1e-6: the error of central differences with a step of 1e-5 rad is its square times the curvature.
     #[test]
     fn covariances_are_those_of_the_linear_estimates() {
         let (point, seen) = rays();
@@ -307,7 +307,7 @@ mod tests {
                 ..
             })
         ));
-        // The ray that begins at the landmark does not count.
+        // The ray from the landmark itself is ignored.
         let one_left = Fix::of_landmark(&Point2::new(1.0, 0.0), [at(0.0), at(1.0)], SIGMA);
         assert!(matches!(one_left, Err(Error::TooFew { got: 1, .. })));
 

@@ -1,24 +1,25 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The datum of a covariance: what is held fixed while the rest varies, and directions brought into that frame.
+//! The datum of a covariance: what is held fixed while the rest varies, and directions transformed into that frame.
 
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector};
 
-/// What is held fixed while the rest varies: a covariance means nothing without it.
+/// The datum, what is held fixed while the rest varies: without it a covariance has no meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// The frame in which maps are reported: of what odometry and priors leave free, the first determined
+    /// The frame in which maps are reported. Where odometry and priors leave the gauge free, the first determined
     /// view and the root mean square distance of the other views from it are held.
     FirstView,
-    /// Of what odometry and priors leave free, nothing moves on the whole: the covariance after the map has
-    /// been laid over the truth by all its positions. The sum of position variances is the least possible.
+    /// Inner constraints: along what odometry and priors leave free of the gauge, positions do not move on average.
+    /// This is the covariance after aligning all positions of the map with the truth, and has the least possible
+    /// sum of position variances.
     FreeNetwork,
-    /// What odometry and priors fix; they must leave nothing free.
+    /// The frame of odometry and priors, which must leave nothing of the gauge free.
     Priors,
 }
 
 impl Frame {
-    /// All of them.
+    /// All frames.
     pub const ALL: [Self; 3] = [Self::FirstView, Self::FreeNetwork, Self::Priors];
 
     /// The name of the variant in lower case with underscores.
@@ -31,8 +32,8 @@ impl Frame {
     }
 }
 
-/// Damping, as a share of the diagonal, with which a singular matrix can be factorised: a few hundred units of
-/// rounding, so that a direction that is free has a gain beyond all others.
+/// Damping, as a fraction of the diagonal, with which a singular matrix can be factorised: a few hundred units of
+/// rounding, so that the gain of a free direction exceeds all others.
 pub const LIFT: f64 = 1e-13;
 
 /// The inverse of a small matrix, or its pseudo-inverse if it is singular.
@@ -47,10 +48,10 @@ pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
     decomposed.pseudo_inverse(bound).unwrap_or(nothing)
 }
 
-/// Share of the largest singular value below which one is zero: far above rounding, far below any real one.
+/// Fraction of the largest singular value below which one is zero: far above rounding, far below any real one.
 const SINGULAR: f64 = 1e-12;
 
-/// The constraints under which positions do not move on the whole along the gauge.
+/// The inner constraints: positions do not move on average along the gauge.
 pub fn inner_constraints(gauge: &[Vec<f64>], views: usize) -> Vec<Vec<f64>> {
     let is_position = |parameter: usize| parameter >= 3 * views || parameter % 3 < 2;
     let inner = |direction: &Vec<f64>| {
@@ -62,7 +63,7 @@ pub fn inner_constraints(gauge: &[Vec<f64>], views: usize) -> Vec<Vec<f64>> {
     gauge.iter().map(inner).collect()
 }
 
-/// Directions moved along the gauge until they obey its constraints.
+/// Directions moved along the gauge until they satisfy the constraints.
 pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let count = gauge.len();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Leverage of sightings: how a refined map changes, to first order, when one is added or left out.
+//! Leverage of sightings: how a refined map changes, to first order, when one is added or removed.
 
 use super::variances::add_product;
 use crate::adjustment::bundle::{Bundle, Rows};
@@ -11,25 +11,25 @@ use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// Most numbers that are stored, sightings times parameters: they take eight megabytes and a few milliseconds.
+/// Maximum number of entries, sightings times parameters: they take eight megabytes and a few milliseconds.
 const MAX_NUMBERS: usize = 1 << 20;
 
-/// The rows of the Jacobian, whitened by the normal equations of the sightings that made the map.
+/// The rows of the Jacobian, whitened by the normal equations of the sightings that the map was estimated from.
 ///
 /// With `J` the row of a sighting and `H` the normal matrix, inner products of two of these vectors are
 /// `J_k H^-1 J_l^T`: covariances of predicted residuals over those of measured ones, (T29).
 pub struct Leverage {
     size: usize,
-    /// For each sighting its vector; zeros where view or landmark is not in the map.
+    /// The vector of each sighting; zero where view or landmark is not in the map.
     rows: Vec<f64>,
     /// Residual over sigma of each sighting whose view and landmark are in the map.
     pub residuals: Vec<Option<f64>>,
 }
 
 impl Leverage {
-    /// Leverages of all sightings of a problem on a map that has been refined to those `kept`.
+    /// Leverages of all sightings of a problem on a map that has been refined from those `kept`.
     ///
-    /// `None` when there are too many, or those that are kept leave the map free.
+    /// `None` when there are too many, or those that are kept do not determine the map.
     pub fn new(problem: &Problem, map: &Map, kept: &[bool]) -> Option<Self> {
         let reached: Vec<usize> = (0..kept.len())
             .filter(|&k| {
@@ -66,7 +66,7 @@ impl Leverage {
             }
             residuals[k] = Some(row.residual);
         }
-        // The gauge would make it singular, and no bearing depends on the gauge.
+        // Without this the gauge would make the matrix singular; no bearing depends on the gauge.
         for k in 0..size {
             matrix[k * size + k] *= 1.0 + f64::EPSILON.sqrt();
         }
@@ -83,7 +83,7 @@ impl Leverage {
         })
     }
 
-    /// `J_k H^-1 J_l^T`; with itself the leverage of a sighting.
+    /// `J_k H^-1 J_l^T`; for `k == l` the leverage of a sighting.
     pub fn between(&self, k: usize, l: usize) -> f64 {
         let row = |k: usize| &self.rows[k * self.size..][..self.size];
         cholesky::dot(row(k), row(l))

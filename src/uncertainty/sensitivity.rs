@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How sensitive a map is to noise, in the direction that the bearings hold least.
+//! How sensitive a map is to noise, in the direction that the bearings determine least.
 
 use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
@@ -17,12 +17,12 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Matrix2, Vector2};
 
-/// How sensitive a refined map is to noise in the direction that the bearings hold least: the
+/// How sensitive a refined map is to noise in the direction that the bearings determine least: the
 /// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
 /// position of a single view, where that is more.
 ///
-/// Infinite when the direction is free, up to rounding: beyond about `1 / (8 sqrt(eps))` per radian
-/// the number is rounding itself.
+/// Infinite when the direction is free, up to rounding: above about `1 / (8 sqrt(eps))` per radian
+/// the value is mostly rounding.
 pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     let restricted;
     let active = if map.is_complete() {
@@ -41,11 +41,11 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
     }
 }
 
-/// A sighting over less than this share of the map's size is left out. It says that view and landmark are in one
-/// place and little else, and beside its huge weight the others would be lost in rounding.
+/// A sighting over less than this fraction of the map's size is left out. It says little more than that view and
+/// landmark are in one place, and beside its huge weight the others would be lost in rounding.
 const TOUCHING: f64 = 1e-4;
 
-/// Of the views, by the sparse equations.
+/// The sensitivity of the views, by the sparse normal equations.
 fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
     let places = kept_positions::<3>(bundle);
     let size = spread(&places);
@@ -72,7 +72,7 @@ fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
 /// before it.
 const LOOKED_AT: usize = 8;
 
-/// The problem linearised, without sightings over next to no distance.
+/// The problem linearised, without sightings over almost no distance.
 fn without_touching(bundle: &Bundle, problem: &Problem, size: f64, count: usize) -> Rows {
     let mut rows = Rows::of(problem);
     bundle.linearize(problem, Loss::Squared, &mut rows);
@@ -106,8 +106,8 @@ where
     let spread = direction
         .chunks_exact(K)
         .fold(0.0, |sum, block| sum + square(block));
-    // A single view may be weaker than that, though all landmarks are firm. Single landmarks are found by
-    // `unbounded_landmarks`.
+    // A single view may be weaker than that although all landmarks are well determined. Single landmarks are
+    // found by `unbounded_landmarks`.
     let mean = size / (points.len() as f64);
     let loosest = if E == 3 {
         let variances = schur.blocks().iter().map(|block| block.position_variance());
@@ -121,8 +121,8 @@ where
 /// Steps of inverse iteration in [`weakest_direction`]: enough to know its length to a few percent.
 const WEAKEST_STEPS: usize = 6;
 
-/// The direction of the blocks that stay in which the data hold them least, as a displacement one
-/// standard deviation long when residuals have unit variance.
+/// The direction in which the data determine the kept blocks least, as a displacement one standard
+/// deviation long when residuals have unit variance.
 ///
 /// (T16): inverse iteration on the reduced matrix with its parameters in units of their conditional
 /// standard deviations; needs [`Schur::factorize`] without damping.
@@ -158,7 +158,7 @@ fn weakest_direction<const E: usize, const K: usize>(schur: &Schur<E, K>) -> Vec
 
 /// The landmarks of a refined map of which only the direction is known: with the views held fixed, the
 /// predicted standard deviation of their range exceeds the range itself. Their rays are parallel
-/// within their noise, and where along them the refinement has stopped means nothing.
+/// within their noise, and the position along them where the refinement stopped is arbitrary.
 ///
 /// `variance` is that of the residuals over sigma.
 pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<usize> {
@@ -176,7 +176,7 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
         for (pose, s) in map.rays(problem, landmark) {
             let offset = point.coords - pose.translation.vector;
             let square = offset.norm_squared();
-            // Times the distance: information about the position in units of the range.
+            // Multiplied by the range: information about the position in units of the range.
             let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / square.sqrt());
             information += gradient * gradient.transpose();
         }

@@ -21,7 +21,8 @@ pub struct Variances {
     pub headings: f64,
 }
 
-/// Most parameters for which the variances are computed: a dense matrix of eight megabytes, and less than a second.
+/// Maximum number of parameters for which the variances are computed: a dense matrix of eight megabytes, and less than
+/// a second.
 pub const MAX_PARAMETERS: usize = 1024;
 
 /// Predicted variances of a complete map after the similarity that fits its positions best, (T24).
@@ -48,8 +49,8 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
             &[dx, dy, turn, gx, gy],
         );
     }
-    // A stiffness for the similarity, which the bearings leave free: the harmonic mean of the diagonal, because a
-    // landmark close to a view, whose entry is huge, hardly changes it.
+    // Stiffness along the similarity, which the bearings leave free: the harmonic mean of the diagonal, which the
+    // huge entry of a landmark close to a view hardly changes.
     let known: Vec<f64> = (0..size).map(|k| matrix[k * size + k]).collect();
     let stiffness = (size as f64) / known.iter().fold(0.0, |sum, k| sum + 1.0 / *k);
     let positions: Vec<Vector2<f64>> = bundle
@@ -63,7 +64,7 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
     if !cholesky::factorize(&mut matrix, size) {
         return None;
     }
-    // A pivot that is rounding: the bearings leave more than the similarity free.
+    // If a pivot is only rounding, the bearings leave more than the similarity free.
     let rounding = f64::EPSILON * (size as f64);
     let free = |k: usize| {
         let inverse = matrix[k * size + k];
@@ -74,7 +75,7 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
     }
     let diagonal = cholesky::inverse_diagonal(&matrix, size);
     let mut sums = Variances {
-        // What the stiffness has added along the similarity.
+        // Remove what the stiffness has added along the similarity.
         positions: -4.0 / stiffness,
         headings: -(views as f64) / (square * stiffness),
     };
@@ -89,7 +90,7 @@ pub fn aligned_variances(problem: &Problem, map: &Map) -> Option<Variances> {
     (sums.positions > 0.0 && sums.headings > 0.0).then_some(sums)
 }
 
-/// Adds rows to the normal matrix that hold translation, rotation and scale of all positions, views first, each with
+/// Adds rows to the normal matrix that fix translation, rotation and scale of all positions, views first, each with
 /// this stiffness.
 fn hold_similarity(matrix: &mut [f64], positions: &[Vector2<f64>], views: usize, stiffness: f64) {
     let size = views + 2 * positions.len();

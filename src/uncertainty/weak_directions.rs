@@ -15,18 +15,18 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::DMatrix;
 
-/// A direction of a map that is held weakly or not at all. Its cause is of the type by which the caller names causes.
+/// A direction of a map that is determined weakly or not at all. `Cause` is the type by which the caller names causes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeakDirection<Cause> {
-    /// Whether it is free, up to rounding; else it is held weakly.
+    /// Whether it is free, up to rounding; otherwise it is weak.
     pub free: bool,
-    /// How firmly it is held: the singular value of the Jacobian over its median column; from the sparse equations
-    /// one over the root of the gain. 0 where free.
+    /// How well it is determined: the singular value of the Jacobian over the norm of its median column; from the
+    /// sparse normal equations, one over the root of the gain. 0 if free.
     pub singular_value: f64,
-    /// Predicted standard deviation of the map along it, as a share of its size: root mean square over all
-    /// positions. Infinite where free.
+    /// Predicted standard deviation of the map along it, as a fraction of its size: root mean square over all
+    /// positions. Infinite if free.
     pub deviation: f64,
-    /// The same of the position that moves most.
+    /// The same for the position that moves most.
     pub largest: f64,
     /// What moves, and its share of the squared moves; largest first.
     pub movers: Vec<(Subject, f64)>,
@@ -49,14 +49,14 @@ impl<Cause> WeakDirection<Cause> {
 }
 
 /// An eigenvector of the covariance, one standard deviation long for residuals of unit variance, and its gain: the
-/// variance of the parameters in it over what it would be if each were alone.
+/// variance along it over what it would be if each parameter were the only unknown.
 pub struct Eigenpair {
     pub direction: Vec<f64>,
     pub gain: f64,
 }
 
-/// Gain beyond which a direction is free: the information left along it is 1e-11 of what its parameters have each by
-/// itself, which is rounding.
+/// Gain above which a direction is free: the information along it is then 1e-11 of the conditional information of
+/// its parameters, which is rounding.
 const FREE: f64 = 1e11;
 
 /// Steps of the iteration in [`weakest`]: enough to know the lengths to a few percent.
@@ -64,9 +64,9 @@ const STEPS: usize = 8;
 
 /// The free directions beyond the gauge, at most `count`.
 ///
-/// Priors and odometry may hold a direction far more weakly than bearings hold the others, and still it is not free. So
-/// each of their rows gets the weight of a typical bearing here, which does not change the null space. The equations
-/// keep these weights.
+/// Priors and odometry may determine a direction far more weakly than bearings determine the others, and it is still
+/// not free. So each of their rows gets the weight of a typical bearing here, which does not change the null space.
+/// `normal` keeps these weights.
 pub fn free_directions(
     normal: &mut Normal<'_>,
     rows: &Rows,
@@ -113,7 +113,7 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
     let units: Vec<f64> = (0..size)
         .map(|parameter| normal.diagonal(parameter).sqrt())
         .collect();
-    // Any vectors that no symmetry of the problem shares.
+    // Start vectors without any symmetry that the problem may have.
     let mut basis = DMatrix::from_fn(size, count, |k, j| {
         1.0 + 0.37 * (((7 * k + 3 + (5 * k + 1) * j) % (11 + 2 * j)) as f64)
     });
@@ -128,7 +128,7 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
         for (k, unit) in units.iter().enumerate() {
             next.row_mut(k).scale_mut(*unit);
         }
-        // The small problem in the space that they span.
+        // Rayleigh-Ritz: the eigenproblem in the space that they span.
         let small = orthogonal.transpose() * &next;
         let eigen = ((&small + small.transpose()) * 0.5).symmetric_eigen();
         let mut order: Vec<usize> = (0..count).collect();
@@ -158,11 +158,11 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
         .collect()
 }
 
-/// The weakest directions of a map beyond its gauge, at most `count`, for residuals of so many `sigmas`; whatever
-/// odometry and priors there are and however large the map is.
+/// The weakest directions of a map beyond its gauge, at most `count`, for residuals of this many `sigmas`, with any
+/// odometry and priors and for maps of any size.
 ///
-/// Along the gauge, positions do not move on the whole. `None` when the equations are beyond the memory or the
-/// arithmetic.
+/// Along the gauge, positions do not move on average. `None` when the equations do not fit into memory or cannot be
+/// factorised.
 pub fn weakest_directions<Cause>(
     problem: &Problem,
     map: &Map,
@@ -187,7 +187,7 @@ pub fn weakest_directions<Cause>(
     let places = kept_positions::<3>(&bundle);
     let size = (spread(&places) / places.len() as f64).sqrt();
     let inner = inner_constraints(&gauge, places.len());
-    // Those that are free, and the weakest of the others.
+    // The free directions, and the weakest of the others.
     let others = weakest(&normal, count).into_iter().skip(free.len());
     let free = free.into_iter().map(|direction| (direction, None));
     let all = free.chain(others.map(|pair| {
@@ -224,7 +224,7 @@ fn squared_moves(direction: &[f64], views: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Share of the squared moves below which a position is not listed: a tenth of the whole in length. It decides
+/// Fraction of the squared moves below which a position is not listed: a tenth of the whole in length. It affects
 /// only what is listed.
 const LISTED: f64 = 0.01;
 

@@ -103,7 +103,10 @@ TABLE = [
         "loss_scale: expected None, since the squared loss has no width, got 2.0",
     ),
     (lambda: bearslam.solve(SEEN, robust=True), "sigma: expected the standard deviation .* robust=True needs; got 1$"),
-    (lambda: bearslam.solve(SEEN, sigma=0.4, robust=True), "sigma: outliers can be told only below 0.35 rad, got 0.4"),
+    (
+        lambda: bearslam.solve(SEEN, sigma=0.4, robust=True),
+        "sigma: outliers can be identified only below 0.35 rad, got 0.4",
+    ),
     (lambda: bearslam.solve(SEEN, sigma=0.1, robust=1), "robust: expected True or False, got 1"),
     (
         lambda: bearslam.solve(SEEN, method="global", oriented=False),

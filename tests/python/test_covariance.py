@@ -56,7 +56,7 @@ def test_priors_are_the_frame_where_they_leave_nothing_open():
     # The bearings add next to nothing to such an accurate prior.
     np.testing.assert_allclose(np.sqrt(np.diag(result.landmark_covariance[0])), 1e-4, rtol=0.1)
     half = LandmarkPriors([0], SCENE.landmarks[[0]], 1e-4)
-    with pytest.raises(DegenerateError, match="directions of the whole that odometry and priors leave free") as caught:
+    with pytest.raises(DegenerateError, match="directions of the gauge that odometry and priors leave free") as caught:
         bearslam.solve(SCENE.bearings, sigma=NOISE, landmark_priors=half, covariance="priors")
     assert (caught.value.kind, caught.value.value) == ("free_frame", 2)
     assert caught.value.diagnosis is None  # nothing is wrong with the bearings

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Many problems over all cores.
+//! Many problems on all cores.
 
 #[cfg(feature = "rayon")]
 #[test]

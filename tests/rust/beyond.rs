@@ -49,11 +49,11 @@ fn odometry_determines_what_a_wall_does_not() {
     let tied = problem(&scene).with_odometry(&odometry).unwrap();
     let found = diagnose(&tied, None, None).unwrap();
     assert!(found.determined() && found.extra == 0, "{found}");
-    // 48 bearings and 15 numbers of odometry for 34 unknowns, of which the frame is three.
+    // 48 bearings and 15 numbers of odometry for 34 unknowns, three of which are the gauge.
     assert_eq!(found.components[0].freedom(), 48 + 15 - 34 + 3);
 }
 
-/// Views that see nothing are where odometry carries them.
+/// Views without sightings are placed by odometry.
 #[test]
 fn odometry_places_views_that_see_nothing() {
     let arena = Arena {
@@ -75,7 +75,7 @@ fn odometry_places_views_that_see_nothing() {
 
 #[test]
 fn priors_leave_what_they_leave() {
-    // Two known landmarks tell the frame, and nothing about the wall's other freedom.
+    // Two known landmarks fix the frame, but not the free direction of the wall.
     let scene = wall(6, 8);
     let known: Vec<_> = [0, 7]
         .map(|landmark| LandmarkPrior {
@@ -89,7 +89,7 @@ fn priors_leave_what_they_leave() {
     assert!(!found.determined());
     assert_eq!(found.extra, 1, "{found}");
     assert_eq!(found.findings[0].kind, Kind::UnnamedDirection);
-    // A third does.
+    // A third one does.
     let third = LandmarkPrior {
         landmark: 3,
         position: scene.landmarks[3],
@@ -109,7 +109,7 @@ fn large_maps_are_examined_sparsely() {
     let scene = simulate(Layout::Trajectory, 200, 60, 0.002, 3, arena).unwrap();
     let found = diagnose(&problem(&scene), Some(&scene.map()), None).unwrap();
     assert_eq!(found.extra, 0, "{found}");
-    // Two landmarks are out of sight of everybody.
+    // Two landmarks are seen by no view.
     let seen = |kind| kind == Kind::TooFewSightings;
     assert!(found.findings.iter().all(|one| seen(one.kind)), "{found}");
     assert!(!found.singular_values.is_empty() && found.condition > 1.0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The C interface tells what it was given, and answers as the crate does.
+//! The C interface reports invalid arguments, and gives the same answers as the crate.
 #![allow(unsafe_code, reason = "calls as C makes them")]
 
 use bearslam::capi::*;
@@ -11,7 +11,7 @@ use std::ffi::CStr;
 const VIEWS: usize = 3;
 const POINTS: usize = 7;
 
-/// Bearings of three views by view, and the world.
+/// Bearings of three views, by view, and the true poses and landmarks.
 fn scene() -> ([f64; VIEWS * POINTS], [f64; 3 * VIEWS], [f64; 2 * POINTS]) {
     let poses = [0.0, 0.0, 0.0, 4.0, -0.5, 0.7, 1.5, 4.0, -0.4];
     let landmarks = [
@@ -67,7 +67,7 @@ fn call_three_view(bearings: &[f64], method: i32, reweights: usize) -> ThreeView
 #[test]
 fn three_views_are_those_of_the_crate() {
     let (mut bearings, ..) = scene();
-    // The first landmark is hidden from view 1: the others alone, in the same places.
+    // The first landmark is hidden from view 1: only the others are found, at the same places.
     bearings[POINTS] = f64::NAN;
     let found = call_three_view(&bearings, 0, 1);
     assert_eq!(found.status, BearslamStatus::Ok);
@@ -116,7 +116,7 @@ fn three_views_tell_what_is_wrong() {
 fn pointers_are_checked() {
     let (bearings, poses, landmarks) = scene();
     let mut place = [7.0; 3];
-    // SAFETY: pointers that a check must stop, and sizes that no memory has.
+    // SAFETY: pointers that a check must reject, and sizes larger than any memory.
     unsafe {
         let null_pose = bearslam_triangulate(null(), bearings.as_ptr(), 3, place.as_mut_ptr());
         assert_eq!(null_pose, BearslamStatus::NullPointer);
@@ -175,7 +175,7 @@ fn rays_and_landmarks_in_both_precisions() {
     }
 }
 
-/// Of `views` x `points`; the status, the map, cost and steps.
+/// The result of a refinement of `views` x `points`: status, map, cost and iterations.
 struct Refined {
     status: BearslamStatus,
     poses: Vec<f64>,
@@ -184,7 +184,7 @@ struct Refined {
     iterations: usize,
 }
 
-/// From the truth, in `bytes` bytes that begin `off` bytes beyond an aligned place and hold rubbish.
+/// Refines from the truth, in `bytes` bytes of garbage that start `off` bytes beyond an aligned address.
 fn call_refine(
     views: usize,
     points: usize,
@@ -234,7 +234,7 @@ fn call_refine(
             bytes,
         )
     };
-    // Nothing beyond the memory has been touched.
+    // Nothing outside the memory has been written.
     let bytes_kept = bytes_of(&memory)
         .skip(off + bytes)
         .all(|byte| byte == u8::MAX);
@@ -266,7 +266,7 @@ fn refinement_is_the_same_in_both_rooms() {
     let pairs = small.poses.iter().chain(&small.landmarks);
     let others = large.poses[..9].iter().chain(&large.landmarks[..14]);
     assert!(pairs.zip(others).all(|(a, b)| (a - b).abs() < 1e-9));
-    // Views and landmarks that nothing is known of stay so.
+    // Undetermined views and landmarks stay undetermined.
     assert!(
         large.poses[9..]
             .iter()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Scenes as problems, and distances from the truth.
+//! Scenes as problems, and errors with respect to the truth.
 
 use bearslam::{Arena, Bearing, Layout, Map, Pose, Problem, Scene, Triple, simulate};
 use nalgebra::Point2;

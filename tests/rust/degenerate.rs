@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Geometry that does not determine the answer: a named error or a flagged result, never a made-up map.
+//! Geometry that does not determine the answer: a named error or a flagged result, never an arbitrary map.
 
 use bearslam::{
     Bearing, Degeneracy, Error, Method, Pose, Problem, Sighting, SolveOptions, bearing_to, pose,
@@ -68,7 +68,7 @@ fn landmarks_along_one_wall() {
         solve_exact(&many, &wall(), 0.0),
         Err(Error::Degenerate { .. })
     ));
-    // With noise the map is flagged by its uncertainty, or refused.
+    // With noise the map is flagged by its uncertainty, or rejected.
     let uncertainty = solve_exact(&three(), &wall(), 0.01).unwrap_or(f64::INFINITY);
     assert!(uncertainty > 0.3, "{uncertainty}");
     // The same views in a room: well determined.
@@ -180,7 +180,7 @@ fn wrong_input_names_argument_place_and_value() {
                 bearing: f64::INFINITY,
                 ..good
             },
-            "bearing: expected finite numbers, got one that is not at index 1",
+            "bearing: expected finite numbers, got NaN or infinity at index 1",
         ),
         (
             Sighting { sigma: 0.0, ..good },
@@ -202,7 +202,7 @@ fn wrong_input_names_argument_place_and_value() {
 
 #[test]
 fn a_view_on_the_circle_of_its_landmarks_shows_in_the_uncertainty() {
-    // Poses are eliminated here; what is left of them must be looked at as well.
+    // Poses are eliminated here, but their weak directions must be found as well.
     let points: Vec<Point2<f64>> = room().into_iter().take(6).collect();
     let mut poses: Vec<Pose<f64>> = (0..8)
         .map(|k| pose(0.6 * f64::from(k), (1.7 * f64::from(k)).sin(), f64::from(k)))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Every degenerate configuration by its name, and no alarm where nothing is wrong.
+//! Every degenerate configuration gets its name, and regular ones cause no false alarm.
 
 use super::common;
 use super::shapes::{DEGENERATE, Draw, Drawn, HARMLESS};
@@ -19,7 +19,7 @@ fn named(found: &Diagnosis, name: &str) -> bool {
     findings.any(|f| f.kind.name() == name && f.severity < Severity::Note)
 }
 
-/// At the true map each row has its name and the number of directions that the table says.
+/// At the true map each row has the name and the number of directions given in the table.
 #[test]
 fn rows_of_the_table_at_the_truth() {
     for (name, views, landmarks, sizes, extra) in DEGENERATE {
@@ -52,9 +52,9 @@ fn rows_of_the_table_from_bearings_alone() {
     }
 }
 
-/// From noisy bearings alone, with their standard deviation stated or left to the residuals. Two rows
-/// have no freedom left to tell the noise by, so it must be stated; and three views on a line or four
-/// landmarks on a circle are places where two maps merge, which noise may tear apart.
+/// From noisy bearings alone, with their standard deviation stated or estimated from the residuals. Two rows
+/// have no redundancy to estimate the noise from, so it must be stated. With three views on a line or four
+/// landmarks on a circle two maps merge, which noise may separate.
 #[test]
 fn rows_of_the_table_with_noise() {
     let mut missed = Vec::new();
@@ -79,7 +79,7 @@ fn rows_of_the_table_with_noise() {
             }
         }
     }
-    // Measured with benches/diagnosis.rs: a few of 100, all of them in the three rows named here.
+    // As measured by benches/diagnosis.rs: a few of 100, all of them in the rows named here.
     for (name, ..) in &missed {
         assert!(
             matches!(
@@ -98,7 +98,7 @@ fn rows_of_the_table_with_noise() {
     );
 }
 
-/// What looks like them but leaves nothing free gives no alarm.
+/// Similar configurations that leave nothing free cause no alarm.
 #[test]
 fn harmless_relatives() {
     for (name, views, landmarks, sizes, _) in HARMLESS {
@@ -149,7 +149,7 @@ fn no_false_alarm() {
     assert!(warnings <= 10, "{warnings} of 720");
 }
 
-/// What the advice says is enough.
+/// Following the advice is enough.
 #[test]
 fn advice_is_enough() {
     let off = [(0.4, 2.2), (-1.1, -2.0), (2.4, 1.9)].map(|(x, y)| Point2::new(x, y));
@@ -177,8 +177,8 @@ fn advice_is_enough() {
     }
 }
 
-/// One sighting less than the advice says is not enough: three of a landmark off the wall, four of one
-/// off two lines.
+/// One sighting fewer than advised is not enough: three of a landmark off the wall, four of one off two
+/// lines.
 #[test]
 fn less_than_the_advice_is_not_enough() {
     for (name, needed) in [
@@ -199,7 +199,7 @@ fn less_than_the_advice_is_not_enough() {
     }
 }
 
-/// The map that `solve` makes of a wall is as good a witness as the truth.
+/// The map that `solve` finds for a wall is as good evidence as the truth.
 #[test]
 fn the_solution_of_a_noisy_wall() {
     let mut named_walls = 0;
@@ -217,7 +217,7 @@ fn the_solution_of_a_noisy_wall() {
 }
 
 /// Four beacons on a square, seen from within with errors of two degrees: the map and its twin are far off
-/// the circle on either side, and the one between them tells.
+/// the circle on either side, and the map halfway between reveals it.
 #[test]
 fn beacons_on_a_square_with_much_noise() {
     let noise = 2_f64.to_radians();
@@ -284,7 +284,7 @@ fn everything(
         .collect()
 }
 
-/// A view that is on one circle with the landmarks that it sees slides along it, and nothing else does.
+/// A view on one circle with the landmarks that it sees can slide along it, and nothing else is free.
 #[test]
 fn a_view_on_the_circle_of_its_landmarks() {
     let points = room();
@@ -314,10 +314,10 @@ fn a_view_on_the_circle_of_its_landmarks() {
     );
     assert_eq!(found.directions[0].movers[0].0, bearslam::Subject::View(5));
     assert!(found.directions[0].movers[0].1 > 0.99);
-    // From bearings alone the view cannot even be placed.
+    // From bearings alone the view cannot be placed at all.
     let found = diagnose(&problem, None, None).unwrap();
     assert!(!found.determined(), "{found}");
-    // One landmark off the circle holds it.
+    // One landmark off the circle determines it.
     pairs.push((5, 2));
     let problem = sight(&poses, &points, &pairs);
     assert!(diagnose(&problem, None, None).unwrap().findings.is_empty());
@@ -349,7 +349,7 @@ fn a_landmark_on_the_line_of_its_views() {
     );
 }
 
-/// Two halves that share one landmark: four directions less the two that it ties.
+/// Two halves that share one landmark: four directions minus the two that it fixes.
 #[test]
 fn loosely_tied_parts() {
     let points: Vec<_> = (0..13)
@@ -377,7 +377,7 @@ fn loosely_tied_parts() {
         finding.views == [4, 5, 6, 7] || finding.views == [0, 1, 2, 3],
         "{found}"
     );
-    // Nothing shared: two parts.
+    // Without a shared landmark there are two parts.
     let pairs = [everything(0..4, 0..6), everything(4..8, 7..13)].concat();
     let found = diagnose(&sight(&poses, &points, &pairs), None, None).unwrap();
     assert_eq!(found.components.len(), 2);
@@ -413,7 +413,7 @@ fn three_views_and_a_cubic() {
     }
 }
 
-/// Whatever comes: an answer.
+/// Every input gets an answer.
 #[test]
 fn anything_is_diagnosed() {
     let empty = Problem::new(0, 0, &[]).unwrap();
@@ -460,7 +460,7 @@ fn anything_is_diagnosed() {
     ));
 }
 
-/// The caller may stop it.
+/// The caller can interrupt it.
 #[test]
 fn stops_when_told() {
     let scene = Drawn::new(Draw::Anywhere, Draw::Anywhere, (6, 9), 0.01, 1);
@@ -469,7 +469,7 @@ fn stops_when_told() {
     assert_eq!(found, Err(Error::Interrupted));
 }
 
-/// A landmark on top of a view, at rounding distance: its row must not hide the others.
+/// A landmark at rounding distance from a view: its row must not drown the others.
 #[test]
 fn a_landmark_on_a_view() {
     let mut points = room();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps in fixed storage find what those on the heap find.
+//! Maps in fixed storage give the same results as those on the heap.
 
 use crate::common::{LAYOUTS, scene, truth};
 use bearslam::{
@@ -28,14 +28,14 @@ fn guess(scene: &Scene, size: f64) -> Map {
     map
 }
 
-/// The bearings, every ninth or so of which is missing in a table with `gaps`.
+/// The bearings; with `gaps` about every ninth is missing.
 fn bearings(scene: &Scene, gaps: bool) -> Vec<f64> {
     let all = scene.bearings.iter().enumerate();
     all.map(|(k, &b)| if gaps && k % 9 == 4 { f64::NAN } else { b })
         .collect()
 }
 
-/// The table as a map without values.
+/// The table as a map without poses and landmarks.
 fn sightings<T: Real, const M: usize, const N: usize>(bearings: &[f64]) -> FixedMap<T, M, N> {
     let mut map = FixedMap::new();
     for (k, &bearing) in bearings.iter().enumerate() {
@@ -80,8 +80,8 @@ fn on_the_heap<T: Real, const M: usize, const N: usize>(map: &FixedMap<T, M, N>)
     }
 }
 
-/// Largest difference between two maps in the gauge of this crate; of what is far away relative to
-/// its distance.
+/// Largest difference between two maps in the gauge of this crate; for points far away relative to their
+/// distance.
 fn apart(a: &Map, b: &Map) -> f64 {
     let mut worst = 0.0_f64;
     for (a, b) in a.poses.iter().zip(&b.poses) {
@@ -100,8 +100,8 @@ fn apart(a: &Map, b: &Map) -> f64 {
     worst
 }
 
-/// Whether a landmark of a map lies on a view or at infinity: minima that no step inside the plane
-/// reaches, which the heap version finds by other means.
+/// Whether a landmark of a map lies on a view or at infinity: such minima are on the boundary, which only
+/// the heap version enters.
 fn on_an_edge(map: &Map) -> bool {
     let views = || map.poses.iter().flatten().map(|p| p.translation.vector);
     map.landmarks.iter().flatten().any(|point| {
@@ -167,8 +167,8 @@ fn the_minimum_is_that_of_the_heap() {
         compare::<8, 11>(gaps, &mut tally);
     }
     assert!(50 * tally.edge < tally.all, "{tally:?}");
-    // Near the minimum a cost tells only half the digits of a map, fewer where it is loosely held: the
-    // heap's own results from two starts are as far apart.
+    // Near the minimum the cost determines only half the digits of a map, fewer along weak directions: the
+    // results of the heap version from two starts are as far apart.
     assert!(
         100 * tally.within > 94 * (tally.all - tally.edge),
         "{tally:?}"
@@ -204,7 +204,7 @@ fn losses_are_those_of_the_heap() {
         let found = map.refine(&mut workspace, &options).unwrap();
         let difference = found.cost / on_heap.cost - 1.0;
         assert!(difference.abs() < 1e-9, "{seed} {loss:?} {difference:e}");
-        // Its squares count the outliers in full.
+        // `cost` has squared loss, so that outliers count in full.
         assert!(map.cost() > 2.0 * found.cost);
     }
 }
@@ -233,7 +233,7 @@ fn single_precision_is_far_below_the_noise() {
     }
 }
 
-/// A map of everything by growth: how far it is from the truth, and its cost.
+/// The error and the cost of a complete map by growth.
 fn grown<T: Real, const M: usize, const N: usize>(
     scene: &Scene,
     branch: Branch,
@@ -252,7 +252,7 @@ fn grown<T: Real, const M: usize, const N: usize>(
             .filter(|&k| map.landmarks[k].is_none())
             .collect::<Vec<_>>()
         {
-            // Those that too few see wait for the next view.
+            // Landmarks with too few views wait for the next view.
             let _ = map.add_landmark(landmark);
         }
         map.refine(&mut Workspace::default(), &RefineOptions::default())
@@ -279,7 +279,7 @@ fn a_map_grows_from_three_views() {
             single += usize::from(
                 grown::<f32, 6, 12>(&scene, Branch::Best).is_some_and(|(error, _)| error < 1e-2),
             );
-            // One of the branches is the truth, and the further views tell which.
+            // One of the branches is the truth, and the further views decide which.
             let lower = match grown::<f64, 6, 12>(&scene, Branch::Other) {
                 Some((distance, value)) if value < cost => distance,
                 _ => error,
@@ -321,7 +321,7 @@ fn figures_are_those_of_the_heap() {
     normal.normalize();
     assert!(apart(&on_the_heap(&normal), &truth(&scene).normalized()) < 1e-14);
     assert_eq!(FixedMap::<f32, 2, 2>::new().rms(), 0.0);
-    // A sigma counts as one over its square.
+    // A sighting is weighted by one over the square of its sigma.
     let mut weighted = map.clone();
     for landmark in 0..6 {
         let bearing = Bearing::new(scene.bearings[6 + landmark]);
@@ -374,7 +374,7 @@ fn iterations_are_bounded() {
 #[test]
 fn what_the_rest_does_not_fix_is_dropped() {
     let (scene, map) = small();
-    // Landmark 5 is left with one view, and with it view 3 with two landmarks.
+    // Landmark 5 is left with one view, and when it is removed, view 3 with two landmarks.
     let mut bearings = scene.bearings.clone();
     for k in [5, 11, 17, 18, 19, 20] {
         bearings[k] = f64::NAN;
@@ -524,7 +524,7 @@ fn nothing_trips_it() {
     let mut workspace = Workspace::<f32, 4, 6>::new();
     let (mut refined, mut refused) = (0, 0);
     for round in 0..2000 {
-        // Any size from the smallest to the largest of single precision; places that coincide; gaps.
+        // Sizes from the smallest to the largest of single precision, coincident places, and gaps.
         let size = 10_f64.powf([0.0, 1.0, 76.0][round % 3] * (next() - 0.5));
         let mut at = || Point2::new(next(), next()).map(|x| f32::lit(size * (5.0 * x).round()));
         let places: Vec<_> = (0..10).map(|_| at()).collect();

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The header of the C interface is the one that its source makes.
+//! The header of the C interface is up to date with its source.
 
 use std::path::Path;
 use std::{env, fs};
 
-/// With `BEARSLAM_WRITE_HEADER` set, as `make header` does, the header is written instead.
+/// If `BEARSLAM_WRITE_HEADER` is set, as by `make header`, the header is written first.
 #[test]
 fn header_is_up_to_date() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
-    // It does not follow `mod`. What holds no part of the interface is left out.
+    // Cbindgen does not follow `mod` here: list the files that are part of the interface.
     let bindings = ["status", "generic", "calls"]
         .iter()
         .map(|file| root.join(format!("src/capi/{file}.rs")))
@@ -28,6 +28,6 @@ fn header_is_up_to_date() {
     let kept = fs::read_to_string(&header).unwrap();
     assert!(
         kept == made,
-        "include/bearslam.h is not what src/capi/ makes: run `make header`"
+        "include/bearslam.h is out of date with src/capi/: run `make header`"
     );
 }

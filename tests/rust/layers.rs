@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Dependencies point one way, file by file: no circle of files anywhere, and a room uses only the rooms
+//! Dependencies point one way, file by file: no cycles between files, and each layer uses only the layers
 //! below it.
 //!
-//! The imports are read from the source text. A name that a room re-exports counts as the file that defines it,
-//! so a path through the front door of a room hides no circle.
+//! The imports are read from the source text. A name that a module re-exports counts as the file that defines it,
+//! so that an import through the parent module cannot hide a cycle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The rooms from the bottom up: a file belongs to the longest prefix that fits, and may use its own room and
+/// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const ROOMS: [&str; 40] = [
+const LAYERS: [&str; 40] = [
     "scalar",
     "float",
     "error",
@@ -54,7 +54,7 @@ const ROOMS: [&str; 40] = [
     "sweep",
 ];
 
-/// The crate's front door and the bindings, which use the crate by its public names as everybody else does.
+/// The root of the crate and the bindings, which use the crate by its public names like any user.
 const ABOVE: [&str; 3] = ["lib", "python", "capi"];
 
 /// A file's module path, such as `kernels/motion`, and what it imports, each as the path of a name.
@@ -140,7 +140,7 @@ fn absolute(
     }
 }
 
-/// All paths that stand in a file: of its `use` statements, and those in its code that begin with `crate` or
+/// All paths in a file: those of its `use` statements, and those in its code that begin with `crate` or
 /// `super`.
 fn paths(code: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
     let (mut used, mut reexported) = (Vec::new(), Vec::new());
@@ -186,7 +186,7 @@ fn paths(code: &str) -> (Vec<Vec<String>>, Vec<Vec<String>>) {
     (used, reexported)
 }
 
-/// Which file uses which.
+/// The graph of which file uses which.
 fn graph() -> BTreeMap<String, BTreeSet<String>> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut all = Vec::new();
@@ -221,7 +221,7 @@ fn graph() -> BTreeMap<String, BTreeSet<String>> {
         }
         uses.insert(module.clone(), resolved(module, used).into_iter().collect());
     }
-    // The file of a name: through as many doors as there are, then the longest path that is one.
+    // The file of a name: follow all re-exports, then take the longest path that is a file.
     let file = |path: &[String]| -> Option<String> {
         let mut path = path.to_vec();
         for _ in 0..4 {
@@ -241,7 +241,7 @@ fn graph() -> BTreeMap<String, BTreeSet<String>> {
     };
     let mut graph = BTreeMap::new();
     for (module, used) in &uses {
-        // A file that only opens its room to others uses nothing itself.
+        // A file that only re-exports its submodules uses nothing itself.
         let opens = texts
             .keys()
             .any(|other| other.starts_with(&format!("{module}/")));
@@ -255,19 +255,19 @@ fn graph() -> BTreeMap<String, BTreeSet<String>> {
     graph
 }
 
-fn room(module: &str) -> usize {
-    let fits = |room: &&str| module == *room || module.starts_with(&format!("{room}/"));
-    let rooms = ROOMS.iter().enumerate().filter(|(_, room)| fits(room));
-    rooms
-        .max_by_key(|(_, room)| room.len())
-        .unwrap_or_else(|| panic!("{module} is in no room"))
+fn layer(module: &str) -> usize {
+    let fits = |layer: &&str| module == *layer || module.starts_with(&format!("{layer}/"));
+    let layers = LAYERS.iter().enumerate().filter(|(_, layer)| fits(layer));
+    layers
+        .max_by_key(|(_, layer)| layer.len())
+        .unwrap_or_else(|| panic!("{module} is in no layer"))
         .0
 }
 
 #[test]
 fn no_files_use_each_other_in_a_circle() {
     let mut graph = graph();
-    // Files that use nothing that is left go, until none does: what remains is in circles or uses them.
+    // Repeatedly remove files that use none of the remaining ones: what is left is in cycles or uses them.
     loop {
         let done: Vec<String> = graph
             .iter()
@@ -282,26 +282,26 @@ fn no_files_use_each_other_in_a_circle() {
         }
     }
     for used in graph.values_mut() {
-        used.retain(|other| room(other) < ROOMS.len());
+        used.retain(|other| layer(other) < LAYERS.len());
     }
     assert!(
         graph.is_empty(),
-        "files in a circle, or that use one: {graph:#?}"
+        "files in a cycle, or that use one: {graph:#?}"
     );
 }
 
 #[test]
-fn rooms_use_only_what_is_below_them() {
+fn layers_use_only_what_is_below_them() {
     let graph = graph();
     let mut checked = 0;
     for (module, used) in &graph {
-        // The front door of a folder of rooms.
+        // The parent module of several layers.
         if ["reconstruction"].contains(&module.as_str()) {
             continue;
         }
         for other in used {
             checked += 1;
-            assert!(room(other) <= room(module), "{module} uses {other}");
+            assert!(layer(other) <= layer(module), "{module} uses {other}");
         }
     }
     assert!(checked > 300, "{checked} imports were found");

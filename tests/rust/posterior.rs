@@ -48,10 +48,10 @@ fn odometry_and_bearings_reach_the_minimum_of_the_truth() {
             found.cost
         );
         assert!(found.map.is_complete() || !found.undetermined.is_empty());
-        // Twice the cost is the freedom, within four standard deviations.
+        // Twice the cost equals the degrees of freedom within four standard deviations.
         let freedom = found.freedom as f64;
         assert!((2.0 * found.cost - freedom).abs() < 4.0 * (2.0 * freedom).sqrt());
-        // The scale is the odometry's, the frame that of the first view.
+        // The scale is that of the odometry, the frame that of the first view.
         let first = found.map.poses[0].unwrap();
         assert!(first.translation.vector.norm() < 1e-12 && first.rotation.angle().abs() < 1e-12);
         let home = scene.poses[0].inverse();
@@ -62,7 +62,7 @@ fn odometry_and_bearings_reach_the_minimum_of_the_truth() {
     }
 }
 
-/// A robot that comes back to where it was long ago, with odometry that has drifted far in between.
+/// Loop closure: a robot returns to an earlier place after its odometry has drifted far.
 #[test]
 fn a_long_trajectory_closes_its_loops() {
     let arena = Arena {
@@ -87,10 +87,10 @@ fn a_long_trajectory_closes_its_loops() {
         found.cost,
         best.cost
     );
-    // What it does not determine is what the refinement from the truth does not determine either.
+    // The same views and landmarks are undetermined as in the refinement from the truth.
     assert_eq!(found.undetermined, best.undetermined);
     assert!(told > 20, "{told}");
-    // Stopped in the middle of a long piece.
+    // Stop in the middle of a long piece.
     let mut left = told / 2;
     let mut stop = |_: &'static str, _, _| {
         left = left.saturating_sub(1);
@@ -100,7 +100,7 @@ fn a_long_trajectory_closes_its_loops() {
     assert!(matches!(stopped, Err(Error::Interrupted)));
 }
 
-/// The first half of the views is one robot, the second another, whose odometry begins anew.
+/// The first half of the views is one robot, the second half another with separate odometry.
 #[test]
 fn two_robots_without_a_common_frame_are_one_problem() {
     let scene = trajectory(40, 30, 5);
@@ -112,7 +112,7 @@ fn two_robots_without_a_common_frame_are_one_problem() {
     assert!(scene.errors(&found.map).unwrap().position_rms < 0.1);
 }
 
-/// Two robots that share no landmark are two maps, each in the scale of its odometry.
+/// Two robots that share no landmark give two maps, each in the scale of its odometry.
 #[test]
 fn what_nothing_ties_together_stays_apart() {
     let scene = trajectory(40, 30, 5);
@@ -123,7 +123,7 @@ fn what_nothing_ties_together_stays_apart() {
         .enumerate()
         .filter(|(_, b)| !b.is_nan())
     {
-        // The second robot sees the same landmarks under other names.
+        // The second robot sees the same landmarks under other indices.
         let (view, landmark) = (k / 30, k % 30 + 30 * (k / 600));
         sightings.push(Sighting {
             view,
@@ -156,7 +156,7 @@ fn what_nothing_ties_together_stays_apart() {
 fn never_worse_than_from_bearings_alone() {
     for seed in 0..20 {
         let scene = common::scene(Layout::Mixed, 8, 11, 0.5, seed);
-        // Odometry so bad that a start from it is none.
+        // Odometry so bad that it gives no useful start.
         let odometry = scene.odometry([3.0, 3.0, 2.0], seed).unwrap();
         let alone = Problem::dense(8, 11, &scene.bearings, NOISE).unwrap();
         let problem = alone.clone().with_odometry(&odometry).unwrap();
@@ -194,7 +194,7 @@ fn known_landmarks_fix_the_frame() {
     assert!((covariance.landmarks[0].unwrap()[(0, 0)].sqrt() / 1e-4 - 1.0).abs() < 0.1);
 }
 
-/// What only fixes the frame takes nothing from the bearings, wherever it is.
+/// Priors that only fix the datum do not change the residuals of the bearings, whatever the datum.
 #[test]
 fn one_known_place_costs_nothing() {
     let unknown = f64::INFINITY;
@@ -240,7 +240,7 @@ fn one_known_place_costs_nothing() {
     }
 }
 
-/// A compass tells which way views look that lines do not tell.
+/// A compass resolves the headings that bearings modulo pi leave ambiguous.
 #[test]
 fn a_compass_and_lines() {
     for seed in 0..6 {
@@ -277,7 +277,7 @@ fn a_compass_and_lines() {
     }
 }
 
-/// Odometry that is a million times looser than the bearings holds the scale all the same.
+/// Odometry with a standard deviation a million times that of the bearings still determines the scale.
 #[test]
 fn loose_odometry_beside_sharp_bearings() {
     let scene = common::scene(Layout::Enclosed, 8, 12, 0.0, 2);
@@ -294,7 +294,7 @@ fn loose_odometry_beside_sharp_bearings() {
     }
 }
 
-/// Four beacons on a square leave a direction free to bearings alone; known ones do not.
+/// With bearings alone four beacons on a square leave a direction free; with known positions they do not.
 #[test]
 fn known_beacons_localise_one_view_after_the_other() {
     let beacons = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (0.0, 6.0)].map(|(x, y)| Point2::new(x, y));
@@ -405,7 +405,7 @@ fn wrong_odometry_and_priors_are_named() {
                 delta: pose(f64::NAN, 0.0, 0.0),
                 ..motion
             },
-            "odometry: delta: expected finite numbers, got one that is not at index 0",
+            "odometry: delta: expected finite numbers, got NaN or infinity at index 0",
         ),
     ] {
         let error = problem().with_odometry(&[bad]).unwrap_err();
@@ -420,7 +420,7 @@ fn wrong_odometry_and_priors_are_named() {
     assert!(matches!(error, Error::OutOfRange { .. }));
 }
 
-/// Views and landmarks that only odometry reaches are determined; what nothing reaches is not.
+/// Views and landmarks that only odometry connects are determined; unconnected ones are not.
 #[test]
 fn odometry_carries_views_that_see_nothing() {
     let scene = common::scene(Layout::Mixed, 5, 8, 0.0, 9);
@@ -452,7 +452,7 @@ fn flatten(map: &Map) -> Vec<f64> {
         .collect()
 }
 
-/// The covariance is what many draws scatter by.
+/// The covariance agrees with the scatter of many draws.
 #[test]
 fn covariance_is_the_scatter_of_estimates() {
     let noise = 0.05_f64.to_radians();
@@ -466,7 +466,7 @@ fn covariance_is_the_scatter_of_estimates() {
     let draws = 400_u32;
     let mut phase = 0.5_f64;
     let mut normal = || {
-        // Twelve uniform numbers: near enough to Gaussian for a variance.
+        // The sum of twelve uniform numbers is close enough to Gaussian for a variance.
         (0..12)
             .map(|_| {
                 phase = (phase * 997.13 + 0.731).fract();
@@ -507,7 +507,7 @@ fn covariance_is_the_scatter_of_estimates() {
                 "{found} {expected}"
             );
         } else {
-            // Four standard deviations of a variance from 400 draws: 28 %.
+            // Four standard deviations of a variance from 400 draws are 28 %.
             assert!(
                 (found / expected - 1.0).abs() < 0.3,
                 "{k}: {found} {expected}"
@@ -518,7 +518,7 @@ fn covariance_is_the_scatter_of_estimates() {
 
 #[test]
 fn a_free_direction_has_infinite_variance_and_the_rest_its_own() {
-    // Three views of a wall and of nothing else: one direction is free.
+    // Three views of a wall and nothing else: one direction is free.
     let poses = [
         pose(0.0, 0.0, 0.1),
         pose(1.0, 0.3, -0.2),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What holds for every scene, and that no numbers make the code panic or answer with nonsense.
+//! Properties that hold for every scene; and no input makes the code panic or return nonsense.
 
 use crate::common::{error, problem, scene, triples};
 use bearslam::{
@@ -219,7 +219,7 @@ fn the_first_of_two_motions_is_nearly_always_the_true_one() {
             .motions
             .map(|m| m.poses[1].rotation.angle_to(&truth).abs());
         first += usize::from(a <= b);
-        // The cost is the sum over all sightings at the landmarks returned.
+        // The cost is the sum over all sightings to the returned landmarks.
         let motion = &found.motions[1];
         let mut cost = 0.0;
         for triple in triples(&scene) {
@@ -265,7 +265,7 @@ fn flat_triangles_of_views_are_flagged() {
     };
     assert!(!found(1.0, 0.0).near_collinear && !found(1.0, 0.0).flattened);
     assert!(found(0.01, 0.0).near_collinear);
-    // One of the two signs of the noise breaks the triangle inequality.
+    // For one of the two signs the noise violates the triangle inequality.
     let broken = [found(0.0, 0.02), found(0.0, -0.02)];
     assert!(broken.iter().any(|found| found.flattened));
     for found in broken.iter().filter(|found| found.flattened) {

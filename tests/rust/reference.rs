@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Values of independent code: the project's own file, and a shared one where it is present.
+//! Comparison with values of independent code: the project's own file, and a shared one if it is present.
 
 use bearslam::{
     Bearing, CalibratedTensor, Method, Pose, Problem, SolveOptions, Triple, align, epipoles, pose,
@@ -77,7 +77,7 @@ fn own() -> Reference {
     serde_json::from_str(include_str!("../data/reference.json")).unwrap()
 }
 
-/// The file beside the project, or a visible note that it is not there.
+/// The shared file beside the project, or a visible note that it is missing.
 fn shared(test: &str) -> Option<Reference> {
     let folder = std::env::var_os("BEARSLAM_SHARED").map_or_else(
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"),
@@ -113,7 +113,7 @@ fn check_null_vectors(reference: &Reference) {
             .sum();
         let sign = dot.signum();
         for (f, e) in found.iter().zip(&case.null_vector) {
-            // The reference has a gap of singular values of 1e-3 at least: 1e-16 / 1e-3, and room.
+            // The reference has a gap of singular values of at least 1e-3: an error of 1e-16 / 1e-3, with a margin.
             assert!((sign * f - e).abs() < 1e-9, "{} {}", case.kind, case.n);
         }
         if let Some(values) = &case.singular_values {
@@ -150,7 +150,7 @@ fn check_three_view(reference: &Reference) {
                                 .rotation
                                 .rotation_to(&motion.poses[k].rotation);
                             let truth = poses[0].rotation.rotation_to(&poses[k].rotation);
-                            // A tie of signs in a view leaves its heading to the rule for ties.
+                            // If the signs of a view are tied, its heading depends on the rule for ties.
                             let difference = found.angle_to(&truth).abs();
                             difference.min(PI - difference)
                         })
@@ -188,7 +188,7 @@ fn check_many_view(reference: &Reference) {
             .collect();
         let problem = Problem::dense(case.m, case.n, &flat, 1.0).unwrap();
         let found = solve(&problem, &SolveOptions::default(), None).unwrap();
-        // Their cost is the sum of squares, ours half of it; exact data end in rounding.
+        // The reference cost is the sum of squares, ours half of it; for exact data it is only rounding.
         let bound = 0.5 * case.best_known_cost * (1.0 + 1e-6) + 1e-25;
         assert!(
             found.cost <= bound,

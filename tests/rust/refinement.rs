@@ -41,7 +41,7 @@ fn the_truth_of_exact_bearings_is_kept() {
 
 #[test]
 fn exact_bearings_pull_a_guess_to_the_truth() {
-    // Both ways round: more landmarks than poses eliminates landmarks, fewer eliminates poses.
+    // Both ways: with more landmarks than poses the landmarks are eliminated, with fewer the poses.
     for (views, landmarks) in [(4, 30), (30, 4), (8, 11)] {
         for layout in LAYOUTS {
             let scene = scene(layout, views, landmarks, 0.0, 2);
@@ -66,7 +66,7 @@ fn a_minimum_is_a_minimum() {
     let found = refine(&problem, &truth(&scene), &RefineOptions::default(), None).unwrap();
     assert!(found.cost < before);
     assert_eq!(found.termination, Termination::Converged);
-    // Every parameter moved a little either way raises the cost: the gradient is zero.
+    // Moving any parameter slightly either way raises the cost: the gradient is zero.
     let cost = |map: &Map| {
         map.residuals(&problem)
             .flatten()
@@ -149,7 +149,7 @@ fn weights_are_repetitions() {
 
 #[test]
 fn sparse_and_dense_elimination_agree() {
-    // Groups that see much go through matrix products, groups that see little are scattered.
+    // Groups with many sightings use matrix products, groups with few are scattered.
     for (sight, dense) in [(5.0, true), (2.1, false)] {
         let arena = bearslam::Arena {
             width: 14.0,
@@ -278,7 +278,7 @@ fn a_landmark_that_slides_onto_a_view_gets_there() {
         assert!(found.iterations < 60, "{seed} {}", found.iterations);
         assert!(smallest_range(&found.map) < 1e-6, "{seed}");
         assert!((cost_of(&found) / found.cost - 1.0).abs() < 1e-6, "{seed}");
-        // From elsewhere to the same infimum.
+        // Another start leads to the same infimum.
         let other = refine(&problem, &guess(&scene, 0.02), &options, None).unwrap();
         assert!((other.cost / found.cost - 1.0).abs() < 1e-6, "{seed}");
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps from bearings some of which are wrong.
+//! Maps from bearings with outliers.
 
 use crate::common::{LAYOUTS, error, scene};
 use bearslam::{
@@ -25,7 +25,7 @@ fn problem(scene: &Scene) -> Problem {
     Problem::dense(views, landmarks, &scene.bearings, sigma()).unwrap()
 }
 
-/// Half the sum of squares, none of which counts for more than 9.
+/// Half the sum of squares, each truncated at 9.
 fn bounded_cost(problem: &Problem, map: &Map) -> f64 {
     map.residuals(problem)
         .map(|residual| residual.map_or(9.0, |r| (r / sigma()).powi(2).min(9.0)))
@@ -51,7 +51,7 @@ fn from_truth(scene: &Scene, wrong: &[bool]) -> Map {
     map
 }
 
-/// What every robust result must fulfil.
+/// Properties that every robust result must have.
 fn check(problem: &Problem, found: &Reconstruction) {
     let sightings = problem.sightings().len();
     assert_eq!(found.inliers.len(), sightings);
@@ -108,7 +108,7 @@ fn good_bearings_give_the_map_of_the_plain_solve() {
                 }
                 let robust = solve(&problem, &options(), None).unwrap();
                 check(&problem, &robust);
-                // The plain map is a fixed point; there may be lower ones with fewer inliers.
+                // The non-robust map is a fixed point; there may be lower ones with fewer inliers.
                 assert!(robust.cost <= plain.cost * (1.0 + 1e-9));
                 if robust.inliers.iter().all(|inlier| *inlier) {
                     for (a, b) in plain.map.landmarks.iter().zip(&robust.map.landmarks) {
@@ -132,7 +132,7 @@ fn exact_bearings_among_wrong_ones_give_back_the_scene() {
             let clean = scene(layout, 8, 15, 0.0, seed);
             let (scene, wrong) = clean.contaminate(0.2, seed);
             let found = solve(&problem(&scene), &options(), None).unwrap();
-            // A wrong bearing may be within three sigma by chance: it then bends the map a little.
+            // A wrong bearing may be within three sigma by chance, and then bends the map slightly.
             let errors = scene.errors(&found.map).unwrap();
             assert!(errors.position_rms < 0.05, "{layout:?} {seed}: {errors:?}");
             let lost = found
@@ -214,7 +214,7 @@ fn limited_sight_and_wrong_bearings() {
 #[test]
 fn what_too_few_good_bearings_see_is_undetermined() {
     let mut scene = scene(Layout::Mixed, 8, 15, NOISE_DEG, 3);
-    // Of the last landmark there are two sightings, one of which points away.
+    // The last landmark has two sightings, one of which points away.
     for view in 0..8 {
         scene.bearings[view * 15 + 14] = if view < 2 {
             scene.bearings[view * 15 + 14] + std::f64::consts::PI * view as f64
@@ -295,7 +295,7 @@ fn contamination_is_what_it_says() {
     assert_eq!(wrong.iter().filter(|wrong| **wrong).count(), 54);
     let turned = count(|d| (d - std::f64::consts::PI).abs() < 1e-12);
     assert_eq!(turned, 18);
-    // Swapped ones: the same numbers in other places of the row.
+    // Swapped bearings: the same numbers in other places of the row.
     let swapped = (0..180)
         .filter(|&k| wrong[k] && clean.bearings[k / 15 * 15..][..15].contains(&dirty.bearings[k]))
         .count();
@@ -317,7 +317,7 @@ fn random_bearings_have_no_consensus() {
     }
 }
 
-/// Whether the inliers are those of the truth, but for a few of each kind.
+/// Whether the inliers are the true ones, except for a few of either kind.
 fn tells(found: &[bool], truth: &[bool]) -> bool {
     let wrong = found.iter().zip(truth).filter(|(a, b)| a != b).count();
     wrong * 50 <= truth.len()
@@ -352,9 +352,8 @@ fn outliers_among_odometry() {
     }
 }
 
-/// Three robots, of whose bearings three a view are kept, one in ten wrong, and all of them better than stated:
-/// bearings alone lead nowhere, one wrong ray spoils a triangulation, and the cost is not what the stated sigmas
-/// let expect.
+/// Three robots with only three bearings per view, one in ten wrong, and sigmas stated too large: bearings alone do
+/// not determine a map, one outlier spoils a triangulation, and the cost is not what the stated sigmas predict.
 #[test]
 fn robots_that_see_little_at_a_time() {
     let (views, landmarks, noise) = (240, 30, 0.4_f64.to_radians());
@@ -394,7 +393,7 @@ fn robots_that_see_little_at_a_time() {
         let found = solve(&problem, &options(), Some(&mut watch)).unwrap();
         assert!(!searched, "{seed}");
         assert_eq!(found.undetermined, best.undetermined, "{seed}");
-        // Odometry knows the scale: no part of the map is out of place.
+        // Odometry determines the scale: no part of the map is misplaced.
         let [error, least] = [&found, &best].map(|found| exact.errors(&found.map).unwrap());
         assert!(
             error.position_rms < 1.5 * least.position_rms,
@@ -417,7 +416,7 @@ fn outliers_among_lines() {
         let problem = Problem::dense(10, 15, &scene.bearings, noise)
             .unwrap()
             .unoriented();
-        // A bearing off by pi is a good line.
+        // A bearing off by pi is an inlier modulo pi.
         let good: Vec<bool> = exact
             .bearings
             .iter()

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Problems, maps and options written and read by `serde`.
+//! Problems, maps and options written and read with `serde`.
 
 use bearslam::{
     Arena, LandmarkPrior, Layout, Loss, Map, Method, Noise, Odometry, OdometrySweepOptions,
@@ -9,7 +9,7 @@ use bearslam::{
 use nalgebra::Point2;
 use serde_json::{Value, from_str, from_value, json, to_string, to_value};
 
-/// A problem with everything in it, sightings out of order.
+/// A problem with every kind of observation, and sightings out of order.
 fn problem() -> Problem {
     let scene = simulate(Layout::Mixed, 4, 9, 0.01, 1, Arena::default()).unwrap();
     let sighting = |k: usize| Sighting {
@@ -51,7 +51,7 @@ fn problem() -> Problem {
         .unwrap()
 }
 
-/// Equal to within rounding: 1e-14 of a number is some of its last bits.
+/// Equal up to rounding: 1e-14 of a number is a few of its last bits.
 fn assert_close(a: &Value, b: &Value) {
     match (a, b) {
         (Value::Number(a), Value::Number(b)) => {
@@ -88,7 +88,7 @@ fn a_problem_comes_back_as_it_was_given() {
         }
     }
     let written = to_value(self::problem()).unwrap();
-    // As they were given: the last sighting first, and what a file cannot say of infinity.
+    // In the order given, the last sighting first; infinite numbers are null.
     let first = &written["sightings"][0];
     assert_eq!((&first["view"], &first["landmark"]), (&json!(3), &json!(7)));
     let sigmas = &written["pose_priors"][0]["noise"]["sigmas"];
@@ -142,7 +142,7 @@ fn an_invalid_problem_is_not_read() {
         let error = from_value::<Problem>(bad).unwrap_err().to_string();
         assert!(error.contains(message), "{place}: {error}");
     }
-    // A standard deviation that is not a number would come back as an infinite one.
+    // A NaN standard deviation would be read back as an infinite one.
     assert!(to_string(&Noise::Sigmas([f64::NAN, 1.0])).is_err());
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Scenes of every row of the table of degenerate configurations, and of their harmless relatives.
+//! Scenes for every row of the table of degenerate configurations, and for similar regular ones.
 
 use bearslam::{Map, Pose, Problem, bearing_to, pose};
 use nalgebra::{Point2, Vector2};
@@ -14,12 +14,12 @@ pub enum Draw {
     Anywhere,
     Line,
     OtherLine,
-    /// On a line, but for the last one.
+    /// On a line, except for the last one.
     LineButOne,
     Circle,
     /// On the same circle, in the gaps.
     CircleBetween,
-    /// Anywhere, the first two in one place.
+    /// Anywhere, but the first two in one place.
     TwoCoincide,
     /// All in one place.
     Coincide,
@@ -112,7 +112,7 @@ pub const DEGENERATE: [Row; 12] = [
     ),
 ];
 
-/// The rows that leave none, though they look like the others.
+/// Similar configurations that leave no direction free.
 pub const HARMLESS: [Row; 8] = [
     (
         "generic",

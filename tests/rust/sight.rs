@@ -16,7 +16,7 @@ fn with(strategy: Strategy) -> SolveOptions {
     }
 }
 
-/// A loop of views that see two metres far.
+/// A loop of views with a range of sight of two metres.
 fn trajectory(views: usize, seed: u64) -> (Scene, Problem) {
     let arena = Arena {
         sight: 2.0,
@@ -90,7 +90,7 @@ fn a_trajectory_is_recovered_by_both_methods() {
                 found.map,
                 solve(&problem, &with(strategy), None).unwrap().map
             );
-            // A start without refinement, of which the refinement makes the same.
+            // A start without refinement, which the refinement takes to the same map.
             let start = initialize(&problem, &with(strategy), None).unwrap();
             assert_eq!(start.termination, Termination::NotRefined);
             assert!(start.cost > found.cost);
@@ -118,7 +118,7 @@ fn many_views_of_everything_are_no_harder() {
 
 #[test]
 fn separate_components_are_separate_maps() {
-    // Views 0 to 5 see landmarks 0 to 8, views 6 to 13 see 9 to 19: nothing ties the two.
+    // Views 0 to 5 see landmarks 0 to 8, views 6 to 13 see 9 to 19: nothing connects the two.
     let scene = simulate(Layout::Mixed, 14, 20, 0.0, 7, Arena::default()).unwrap();
     let mut seen = sightings(&scene, 0..6, 0..9);
     seen.extend(sightings(&scene, 6..14, 9..20));
@@ -148,7 +148,7 @@ fn separate_components_are_separate_maps() {
 
 #[test]
 fn maps_that_share_two_landmarks_become_one() {
-    // Landmarks 8 and 9 are seen from both sides: too few to add a view of the one to the other.
+    // Landmarks 8 and 9 are seen from both parts: too few to add a view of one part to the other.
     for seed in 0..5 {
         let scene = simulate(Layout::Mixed, 14, 20, 0.0, seed, Arena::default()).unwrap();
         let mut seen = sightings(&scene, 0..6, 0..10);
@@ -160,13 +160,13 @@ fn maps_that_share_two_landmarks_become_one() {
             assert!(found.map.is_complete());
             assert!(distance(&found, &scene) < 1e-6, "{strategy:?} {seed}");
         }
-        // One shared landmark leaves the scale and the turn free.
+        // One shared landmark leaves scale and rotation free.
         let mut seen = sightings(&scene, 0..6, 0..9);
         seen.extend(sightings(&scene, 6..14, 8..20));
         let problem = Problem::new(14, 20, &seen).unwrap();
         let found = solve(&problem, &with(Strategy::Incremental), None).unwrap();
         assert_eq!(found.components.len(), 1, "{seed}");
-        // It has a place in both maps.
+        // It has a position in both maps.
         assert!(found.map.landmarks[8].is_some());
         assert!(found.components[0].map.landmarks[8].is_some());
     }
@@ -175,8 +175,8 @@ fn maps_that_share_two_landmarks_become_one() {
 #[test]
 fn what_cannot_be_determined_is_named() {
     let scene = simulate(Layout::Mixed, 12, 22, 0.0, 5, Arena::default()).unwrap();
-    // Landmark 19 is seen once, 20 by a view that is itself lost, 21 never; view 10 sees two
-    // landmarks, view 11 three of which only two have a place.
+    // Landmark 19 is seen once, 20 by a view that is itself undetermined, 21 never; view 10 sees two
+    // landmarks, view 11 three, of which only two are determined.
     let mut seen = sightings(&scene, 0..10, 0..19);
     seen.extend(sightings(&scene, 3..4, 19..20));
     seen.extend(sightings(&scene, 10..11, 4..6));
@@ -210,7 +210,7 @@ fn what_cannot_be_determined_is_named() {
 #[test]
 fn a_view_that_does_not_agree_is_left_out_with_the_reason() {
     let (scene, problem) = trajectory(45, 2);
-    // One view's bearings are taken from nowhere.
+    // The bearings of one view are arbitrary.
     let wrong = 20;
     let mut bearings = scene.bearings.clone();
     for landmark in 0..60 {
@@ -224,7 +224,7 @@ fn a_view_that_does_not_agree_is_left_out_with_the_reason() {
         .iter()
         .find(|u| u.subject == Subject::View(wrong));
     assert_eq!(why.map(|u| u.why), Some(Why::Misfit));
-    // The others are where they are without it.
+    // The other views are where they are without it.
     let clean = solve(&problem, &with(Strategy::Incremental), None).unwrap();
     assert!(found.map.poses.iter().flatten().count() == 44);
     assert!(found.rms < 1.5 * clean.rms);

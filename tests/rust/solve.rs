@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Maps from nothing.
+//! Maps without an initial guess.
 
 use crate::common::{LAYOUTS, error, problem, scene, truth};
 use bearslam::{
@@ -65,7 +65,7 @@ fn noisy_maps_reach_the_cost_of_a_refinement_from_the_truth() {
             }
         }
     }
-    // What is missed are landmarks that slide onto a view, where the infimum is not attained.
+    // The misses are landmarks that slide onto a view, where the infimum is not attained.
     assert!(missed <= 2, "{missed} of 180");
 }
 
@@ -265,7 +265,7 @@ fn errors_are_those_after_the_best_similarity() {
     let mut map = truth(&scene).normalized();
     let exact = scene.errors(&map).unwrap();
     assert!(exact.position_max < 1e-13 && exact.heading_max < 1e-13);
-    // One landmark undetermined does not count; one heading turned counts alone.
+    // An undetermined landmark does not count; one turned heading is the only error.
     map.landmarks[2] = None;
     let pose = map.poses[1].as_mut().unwrap();
     *pose = bearslam::pose(
@@ -286,13 +286,13 @@ fn errors_are_those_after_the_best_similarity() {
 
 #[test]
 fn landmarks_at_infinity_are_undetermined_and_the_rest_is_kept() {
-    // Seeds 19, 37 and 58 had a landmark at 1e9 with nothing said about it.
+    // Seeds 19, 37 and 58 once had a landmark at 1e9 that was not reported.
     let mut flagged = 0;
     for seed in 0..60 {
         let scene = scene(Layout::Enclosed, 4, 9, 1.53, seed);
         let found = solve(&problem(&scene), &SolveOptions::default(), None).unwrap();
         if found.uncertainty > 0.5 {
-            // A wrong map, and flagged as one.
+            // A wrong map that is flagged as such.
             flagged += 1;
             continue;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Monte-Carlo sweeps and the bound they compare with.
+//! Monte-Carlo sweeps, and the bound to which they compare errors.
 
 use crate::common::{LAYOUTS, problem, scene};
 use bearslam::{
@@ -16,7 +16,7 @@ fn cell(layout: Layout, views: usize, landmarks: usize, noise_deg: f64) -> Cell 
     }
 }
 
-/// All tallies of a sweep over chunks of one cell, added up, without the time.
+/// All tallies of a sweep over chunks of one cell, merged, without the time.
 fn tallies(cell: Cell, trials: u64, length: u64, threads: usize) -> Vec<Tally> {
     let chunks: Vec<Chunk> = (0..trials.div_ceil(length))
         .map(|k| Chunk {
@@ -108,7 +108,7 @@ fn a_trial_can_be_drawn_again() {
 
 #[test]
 fn a_start_without_a_map_has_failed() {
-    // The paper's tensor needs seven landmarks.
+    // The projective tensor needs seven landmarks.
     let cell = cell(Layout::Mixed, 4, 6, 0.5);
     let trial = SweepTrial::run(&cell, &[Start::Projective], 0, 0, &mut |_, _, _| true).unwrap();
     let TrialOutcome { failed, errors, .. } = &trial.outcomes[0];
@@ -148,7 +148,7 @@ fn the_bound_is_that_of_the_pseudo_inverse() {
             jacobian[(row, 3 * i + 2)] = -1.0;
         }
     }
-    // Four directions change nothing; the covariance at right angles to them in the positions.
+    // Four directions are free: compare the covariance orthogonal to them in the positions.
     let positions: Vec<usize> = (0..size).filter(|k| *k >= 3 * views || k % 3 < 2).collect();
     let svd = jacobian.svd(false, true);
     let v = svd.v_t.unwrap().transpose();
@@ -213,7 +213,7 @@ fn what_the_bearings_do_not_determine_has_no_bound() {
     assert_eq!(scene(Layout::Mixed, 5, 3, 0.0, 1).bound(0.01), None);
 }
 
-/// Scenes in which the narrow search or the places of landmarks decide.
+/// Scenes that need the wide search or alternative positions of landmarks.
 #[test]
 fn doubt_widens_the_search() {
     let narrow = SolveOptions {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Bearings that are known modulo pi: lines instead of rays.
+//! Bearings known only modulo pi: lines instead of rays.
 
 use crate::common;
 use bearslam::{Arena, Error, Layout, Problem, SolveOptions, Strategy, simulate, solve};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Turns two bearings in five round.
+/// Turns two bearings in five by pi.
 fn turn_some(bearings: &mut [f64]) {
     for (k, bearing) in bearings.iter_mut().enumerate() {
         if (k * 7 + k / 3) % 5 < 2 {
@@ -64,7 +64,7 @@ fn limited_sight_is_solved_modulo_pi() {
         let limit = straight.cost * (1.0 + 1e-5);
         assert!(found.cost <= limit, "{seed}: {} {limit}", found.cost);
         assert!(found.map.poses.iter().flatten().count() >= 44);
-        // The global method goes by the signs.
+        // The global method needs the signs.
         let options = SolveOptions {
             strategy: Strategy::Global,
             ..SolveOptions::default()

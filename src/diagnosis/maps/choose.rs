@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which map to look at: of all maps that explain the bearings, the one that shows most shapes.
+//! The choice of the map to examine: of all maps that explain the bearings, the one whose shape explains most.
 
 use super::super::finding::Kind;
 use super::super::parts::subproblem::SubProblem;
@@ -14,21 +14,21 @@ use crate::problem::{Map, Undetermined};
 use crate::reconstruction::Progress;
 use alloc::vec::Vec;
 
-/// What is looked at.
+/// What is examined.
 pub enum Evidence {
     /// A map.
     Map {
         map: Map,
-        /// What it has no value for, and why.
+        /// Its undetermined views and landmarks, and why they are.
         lost: Vec<Undetermined>,
         /// How many times larger the residuals of the next best map are; NaN when none was looked for.
         margin: f64,
     },
-    /// A map made from the bearings themselves, because they show its shape.
+    /// A map constructed from the bearings, which show its shape by themselves.
     Bearings(NormalizedMap),
 }
 
-/// What is looked at, and the standard deviation of a bearing \[rad\] to judge it by.
+/// What is examined, and the standard deviation of a bearing \[rad\] to judge it by.
 pub struct Chosen {
     pub evidence: Evidence,
     pub noise: f64,
@@ -83,15 +83,15 @@ impl SubProblem {
         }))
     }
 
-    /// Where something is free, many maps explain the bearings: another one than that which was found, if it has a
-    /// shape that explains why.
+    /// Where a direction is free, many maps explain the bearings: returns one other than the map found if its shape
+    /// explains why.
     fn more_telling_map(
         &self,
         found: &ExplainingMap,
         noise: f64,
     ) -> Option<(Map, Vec<Undetermined>)> {
         let known = self.examined(&found.map, noise);
-        // In a direction along which noise moves a point by all of its unit, the map may be any.
+        // Along a direction in which noise moves a point by its whole unit, the map found is arbitrary.
         let doubt = known.is_none_or(|known| known.directions.iter().any(|d| d.largest > 1.0));
         let mut others = found.others.clone();
         if doubt || !found.undetermined.is_empty() {
@@ -119,8 +119,8 @@ impl SubProblem {
             .map(|map| (map, Vec::new()))
     }
 
-    /// A given map; if it has no shape, what the bearings show by themselves, or the map without noise next to it whose
-    /// landmarks are on a wall or, if they are four, on a circle.
+    /// A given map. If it has no shape: what the bearings show by themselves, or a nearby map that explains them as
+    /// well, with its landmarks exactly on a wall or, if there are four, on a circle.
     pub fn choose_given(&self, map: Map, hopeless: bool) -> Chosen {
         let stated = self.stated_noise();
         let (_, estimated) = self.rms_and_noise(&map);
@@ -162,7 +162,7 @@ impl SubProblem {
     /// How many times larger the residuals of the next best map are, from costs per degree of freedom.
     fn margin(&self, best: f64, rivals: &[f64]) -> f64 {
         let next = rivals.iter().copied().fold(f64::INFINITY, f64::min);
-        // Costs of exact maps are rounding.
+        // The costs of exact maps are rounding.
         let rounding = 16.0 * f64::EPSILON * self.mean_weight();
         let floor = rounding * rounding;
         (f64::max(next, floor) / f64::max(best, floor)).sqrt()

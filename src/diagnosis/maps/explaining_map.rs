@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map that explains the bearings, one of many where they leave freedom: what a diagnosis looks at.
+//! A map that explains the bearings, whether they determine it or not, for a diagnosis to examine.
 
 use super::super::options::MapOptions;
 use crate::error::Error;
@@ -17,7 +17,7 @@ use crate::reconstruction::strategy::lowest;
 use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
 use alloc::vec::Vec;
 
-/// A map and how it explains the bearings.
+/// A map and how well it explains the bearings.
 pub struct ExplainingMap {
     pub map: Map,
     /// Sum of squared residuals over sigma, per degree of freedom.
@@ -29,11 +29,12 @@ pub struct ExplainingMap {
     pub rival: f64,
 }
 
-/// Fewest landmarks that three views must share, by counting: then the null space of their tensor is a circle.
+/// Minimum number of landmarks that three views must share, by counting: the null space of their tensor is then a
+/// circle.
 const MIN_SHARED: usize = 4;
 
-/// The map of least cost that the search finds, whether it is determined or not; where there is none, a map from the
-/// null space of the tensor of three views.
+/// The map of least cost that the search finds, whether it is determined or not; when the search fails, a map from
+/// the null space of the tensor of three views.
 ///
 /// `None` when no three views share four landmarks.
 ///
@@ -62,7 +63,7 @@ pub fn explaining_map(
     let rival = rivals.map(variance).fold(f64::INFINITY, f64::min);
     let fit = variance(&found);
     let mut others: Vec<Map> = found.alternatives.into_iter().map(|r| r.map).collect();
-    // Of four landmarks there may be several exact maps, of which the search keeps the best determined.
+    // Four landmarks may have several exact maps, of which the search keeps the best determined.
     if problem.landmarks() == MIN_SHARED {
         others.extend(
             explaining_maps(problem, options)
@@ -79,8 +80,9 @@ pub fn explaining_map(
     }))
 }
 
-/// Refined maps along the circles of tensors of some views: of those that reach most, the ones that explain the
-/// bearings about as well as the best. The most compact first, because landmarks run away at the edge of a family.
+/// Refined maps along the tensor circles of some views: of those that leave least undetermined, the ones that
+/// explain the bearings about as well as the best. The most compact comes first, because landmarks diverge at the
+/// edge of a family.
 pub fn explaining_maps(problem: &Problem, options: &MapOptions) -> Vec<Reconstruction> {
     let circle = if problem.landmarks() == MIN_SHARED {
         Circle::WHOLE
@@ -118,8 +120,8 @@ fn sprawl(map: &Map) -> f64 {
     distances.fold(0.0, f64::max)
 }
 
-/// Costs per degree of freedom of the mirror images of a map of three views, refined: of both branches of the
-/// three-view solver those that are not the map itself.
+/// Costs per degree of freedom of the refined mirror images of a map of three views: the branches of the
+/// three-view solver that do not lead to the map itself.
 pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
     if problem.views() != 3 {
         return Vec::new();
@@ -146,7 +148,8 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
     costs
 }
 
-/// Three views to start a map from: of some that share five landmarks, or four, those that share most.
+/// Three views to start a map from: of some triples that share five landmarks, or else four, the one that shares
+/// most.
 pub fn best_triple(problem: &Problem, options: &MapOptions) -> Option<[usize; 3]> {
     let draws = DrawOptions::default();
     [5, 4].into_iter().find_map(|needed| {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Four landmarks near a circle: the two maps that explain noisy bearings, and the map between them.
 //!
-//! Any map of four landmarks has a twin that explains the bearings as well, and the two are the same where the
-//! landmarks are on a circle. From noisy bearings of such a scene come two solutions at about the same distance from
-//! the circle, on either side of it; the map halfway between is off the circle by the square of that distance only.
+//! Any map of four landmarks has a twin that explains the bearings as well, and the two coincide when the landmarks are
+//! on a circle. Noisy bearings of such a scene give two solutions on either side of the circle, at about the same
+//! distance from it; the map halfway between them is off the circle only by the square of that distance.
 
 use super::super::finding::Kind;
 use super::super::parts::subproblem::SubProblem;
@@ -13,8 +13,8 @@ use alloc::vec::Vec;
 use nalgebra::{Point2, center};
 
 impl SubProblem {
-    /// Of a map of four landmarks and others that explain the bearings: the one with its landmarks on a
-    /// circle, one of the others or halfway to one of them.
+    /// A map with four landmarks on a circle: one of the others that explain the bearings, or the map halfway
+    /// between the given one and one of them.
     pub fn midpoint_map(&self, map: &Map, others: &[Map], noise: f64) -> Option<Map> {
         if self.problem.landmarks() != 4 {
             return None;

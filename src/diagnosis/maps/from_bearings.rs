@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Degeneracies that show in the bearings themselves, without a map.
+//! Degeneracies that the bearings themselves show, without a map.
 //!
-//! Two views in one place see bearings that differ by a constant. On one circle with the landmarks
-//! they do so modulo pi (inscribed angles). On one line all bearings of a view are alike modulo pi. In
-//! each case positions of a map that explains the bearings modulo pi, one of many, can be written down.
+//! The bearings of two views in one place differ by a constant. If the views are on one circle with the
+//! landmarks, they differ by a constant modulo pi (inscribed angles). If everything is on one line, all
+//! bearings of a view are equal modulo pi. In each case one of the many maps that explain the bearings
+//! modulo pi can be written down.
 
 use super::super::shapes::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
@@ -14,17 +15,18 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::{Complex, Vector2};
 
-/// Rounding errors of a bearing, and of a sum of two, in roundings of 1. Far below any noise.
+/// Rounding error of a bearing, or of a sum of two, in machine epsilons. Far below any noise.
 const ROUNDINGS: f64 = 64.0;
 
-/// Fewest landmarks of two views whose bearings tell whether they differ by a constant: two may by chance.
+/// Minimum number of landmarks in common to tell whether the bearings of two views differ by a constant: with two
+/// they may by chance.
 const MIN_COMMON: usize = 3;
 
-/// A map of the shape that the bearings show; `noise` is their standard deviation \[rad\], 0 for exact;
-/// they are off the shape by at most so many `sigmas`.
+/// A map of the shape that the bearings show. `noise` is their standard deviation \[rad\], 0 if exact; they may
+/// deviate from the shape by at most this many `sigmas`.
 ///
-/// `None` when the bearings show no such shape. The map is made up as far as the bearings leave it open: where
-/// points are along the line or circle, and how far along their rays.
+/// `None` when the bearings show no such shape. What the bearings leave open is chosen arbitrarily: the positions
+/// of points along the line or circle, or along their rays.
 pub fn map_from_bearings(problem: &Problem, noise: f64, sigmas: f64) -> Option<NormalizedMap> {
     let bound = sigmas * noise + ROUNDINGS * f64::EPSILON;
     on_one_line(problem, bound).or_else(|| {
@@ -41,7 +43,7 @@ pub fn map_from_bearings(problem: &Problem, noise: f64, sigmas: f64) -> Option<N
     })
 }
 
-/// Whether angles are one constant modulo `2 pi / turns`, up to a bound; the constant.
+/// The constant that all angles equal modulo `2 pi / turns`, up to a bound; `None` when there is none.
 fn constant(angles: &[f64], turns: f64, bound: f64) -> Option<f64> {
     let sum = angles
         .iter()
@@ -61,7 +63,7 @@ fn unit(angle: f64) -> Complex<f64> {
     Complex::new(cos, sin)
 }
 
-/// Numbers in (0, 1) without pattern: multiples of the golden ratio modulo 1.
+/// Quasi-random numbers in (0, 1): multiples of the golden ratio modulo 1.
 fn scattered(k: usize) -> f64 {
     let turned = (k as f64 + 1.0) * 0.618_033_988_749_894_9;
     turned - turned.floor()
@@ -89,7 +91,7 @@ fn on_one_line(problem: &Problem, bound: f64) -> Option<NormalizedMap> {
 struct Places {
     /// Which set each view is in.
     of_view: Vec<usize>,
-    /// What is to be taken off the bearings of each view to get those of the first of its set.
+    /// What to subtract from the bearings of each view to get those of the first view of its set.
     offset: Vec<f64>,
     count: usize,
 }
@@ -130,7 +132,7 @@ fn places(problem: &Problem, bound: f64, turns: f64, most: usize) -> Option<Plac
     (places.count > 0).then_some(places)
 }
 
-/// Bearings of a view less those of another, for the landmarks that both see.
+/// Bearings of a view minus those of another, for the landmarks that both see.
 fn differences(problem: &Problem, first: usize, view: usize) -> Vec<f64> {
     let mut others = problem.of_view(first).iter().peekable();
     let mut found = Vec::new();
@@ -143,7 +145,7 @@ fn differences(problem: &Problem, first: usize, view: usize) -> Vec<f64> {
     found
 }
 
-/// Inscribed angles: at twice its bearing from any view a landmark is on the circle.
+/// By inscribed angles, the direction of a landmark from the centre is twice its bearing from any view.
 fn on_one_circle(problem: &Problem) -> Option<NormalizedMap> {
     let views = places(problem, PI, 2.0, 1)?;
     let mut at: Vec<Option<f64>> = vec![None; problem.landmarks()];
@@ -154,7 +156,7 @@ fn on_one_circle(problem: &Problem) -> Option<NormalizedMap> {
         let z = unit(angle);
         Vector2::new(z.re, z.im)
     };
-    // Wherever a view is on the circle, it sees them so.
+    // A view sees the same bearings from anywhere on the circle.
     NormalizedMap::new(
         problem,
         (0..problem.views()).map(|view| (view, on(TAU * scattered(view)))),
@@ -164,7 +166,7 @@ fn on_one_circle(problem: &Problem) -> Option<NormalizedMap> {
     )
 }
 
-/// One place, with landmarks anywhere along their rays, or two with any turn between them.
+/// One place, with landmarks anywhere along their rays, or two places with any rotation between them.
 fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     // Rays of each landmark from each place, in the frame of the first view there.
     let mut rays = vec![[None; 2]; problem.landmarks()];
@@ -172,7 +174,7 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
         let angle = s.bearing.angle() - places.offset[s.view];
         rays[s.landmark][places.of_view[s.view]].get_or_insert(angle);
     }
-    // The turn for which the flattest pair of rays is steepest.
+    // The rotation for which the smallest angle between two rays of a landmark is largest.
     let turns = (0..TURNS).map(|k| PI * (f64::from(k) + 0.5) / f64::from(TURNS));
     let steepness = |turn: f64| {
         let pairs = rays.iter().filter_map(|[a, b]| Some((*a)? - (*b)? - turn));
@@ -204,5 +206,5 @@ fn in_few_places(problem: &Problem, places: &Places) -> Option<NormalizedMap> {
     )
 }
 
-/// Turns between two places that are tried: any will do that leaves no rays parallel.
+/// Rotations between two places that are tried: any that leaves no rays parallel will do.
 const TURNS: u32 = 16;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The family of maps that a wall leaves, (T19): other members explain the same bearings.
+//! The family of maps with landmarks on a wall, (T19): all members have the same bearings.
 //!
 //! With the wall as the real axis, `h(z) = z / (1 + c z)` moves landmarks and views, and each view turns
-//! by `-arg(1 + c p)`, for any c that changes the sign of no landmark's `1 + c x`.
+//! by `-arg(1 + c p)`, for any c with `1 + c x > 0` for all landmarks.
 
 use super::super::options::MapOptions;
 use super::super::shapes::shape::{Shape, extent, line};
@@ -13,27 +13,27 @@ use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2, Vector2};
 
-/// How near to the ends of the interval of c members come: by this power of 1/e, a four-hundredth.
+/// How close members come to the ends of the interval of c: this power of 1/e, a four-hundredth of it.
 const NEAREST: f64 = 6.0;
 
-/// Golden sections that narrow the best down: to a hundred-millionth of the way to its neighbours.
+/// Golden-section steps around the best member: to a hundred-millionth of the way to its neighbours.
 const STEPS: usize = 40;
 
-/// A wall and the views before it: the wall is the real axis and its extent the unit.
+/// A wall and its views: the wall is the real axis and its extent the unit.
 pub struct WallFamily {
     middle: Vector2<f64>,
     along: Vector2<f64>,
     unit: f64,
     views: Vec<Option<(Complex<f64>, f64)>>,
-    /// Where each landmark is on the wall: its place is the first over the second, which is 0 for one
-    /// at infinity.
+    /// Homogeneous coordinate of each landmark along the wall: the first over the second, which is 0 at
+    /// infinity.
     landmarks: Vec<Option<(f64, f64)>>,
     options: MapOptions,
 }
 
 impl WallFamily {
-    /// The family of a map whose landmarks are nearly on one line. Landmarks that the map has lost at
-    /// infinity come back in other members.
+    /// The family of a map whose landmarks are nearly on one line. Landmarks at infinity, which the map has no
+    /// position for, are finite in other members.
     pub fn of(
         problem: &Problem,
         map: &Map,
@@ -89,7 +89,7 @@ impl WallFamily {
         })
     }
 
-    /// The interval of c in which no landmark changes its side.
+    /// The interval of c in which no landmark passes through infinity.
     fn interval(&self) -> (f64, f64) {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         for &(x, w) in self.landmarks.iter().flatten() {
@@ -117,14 +117,14 @@ impl WallFamily {
         (views.collect(), landmarks.collect())
     }
 
-    /// The c of least cost: the best of some over the interval, and between its neighbours by golden
-    /// sections.
+    /// The c of least cost: the best of a grid over the interval, refined by golden-section search between its
+    /// neighbours.
     fn least(&self, cost: impl Fn(f64) -> f64) -> Option<f64> {
         let (low, high) = self.interval();
         if !(low.is_finite() && high.is_finite() && low < high) {
             return None;
         }
-        // Evenly in the logarithm of the distance from either end, because there are members at all scales.
+        // Evenly spaced in the logarithm of the distance from either end, because there are members at all scales.
         let at = |t: f64| low + (high - low) / (1.0 + (-t).exp());
         let step = 2.0 * NEAREST / f64::from(self.options.members);
         let all = (0..=self.options.members).map(|k| step * f64::from(k) - NEAREST);
@@ -141,7 +141,7 @@ impl WallFamily {
         Some(at(0.5 * (a + b)))
     }
 
-    /// The most compact member: the least distance of the farthest point over the mean.
+    /// The most compact member: the one with the least ratio of the largest distance to the root mean square.
     pub fn compact(&self) -> Option<Map> {
         let c = self.least(|c| {
             let (mut points, wall) = self.member(c);
@@ -157,10 +157,10 @@ impl WallFamily {
         Some(self.map(c))
     }
 
-    /// The member whose views are nearest to one line; `None` when they are near none.
+    /// The member whose views are nearest to one line; `None` when no member has them near a line.
     ///
-    /// Measured by how far three views turn at the middle one. Distances from a line would not do: near
-    /// the ends of the family all views but one move together, and two places are always on a line.
+    /// The measure is the turn at the middle one of three views. Distances from a line would not do: near the
+    /// ends of the family all views but one move together, and two places are always on a line.
     pub fn aligned(&self) -> Option<Map> {
         let turn = |c: f64| {
             let (views, _) = self.member(c);
@@ -202,7 +202,7 @@ impl WallFamily {
     }
 }
 
-/// By how much the way along three points turns at the middle one \[rad\].
+/// The angle \[rad\] by which the path through three points turns at the middle one.
 fn straightness(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
     let turn = |from: Vector2<f64>, at: Vector2<f64>, to: Vector2<f64>| {
         let (first, second) = (at - from, to - at);

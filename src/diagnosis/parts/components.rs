@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What the sightings alone tell, before any map: which views and landmarks take part, and in which parts.
+//! Connected parts of a problem, and the views and landmarks with enough sightings to belong to one.
 
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A part of a problem that its sightings connect.
+/// A part of a problem connected by its sightings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Its views, ascending.
@@ -14,8 +14,8 @@ pub struct Part {
     pub landmarks: Vec<usize>,
     /// Sightings between them.
     pub sightings: usize,
-    /// How many directions of the gauge odometry and priors leave free, 4 without them; and how many numbers they
-    /// give.
+    /// How many directions of the gauge odometry and priors leave free, 4 without them; and how many observations they
+    /// add.
     pub priors: (usize, usize),
 }
 
@@ -30,8 +30,8 @@ impl Part {
         }
     }
 
-    /// Redundancy: sightings less unknowns, where the free directions of the gauge are no unknowns, (T20). If it is
-    /// negative, at least so many directions are free, whatever the geometry.
+    /// Redundancy: observations minus unknowns, not counting the free directions of the gauge, (T20). If it is
+    /// negative, at least as many directions are free, whatever the geometry.
     pub fn freedom(&self) -> i64 {
         let count = |n: usize| i64::try_from(n).unwrap_or(i64::MAX / 8);
         let (free, numbers) = self.priors;
@@ -41,7 +41,7 @@ impl Part {
     }
 }
 
-/// Views and landmarks with enough sightings of each other to take part.
+/// Views and landmarks with enough sightings of each other to be determined.
 pub struct Core {
     /// For each view, whether it sees three landmarks of the core.
     pub views: Vec<bool>,
@@ -50,7 +50,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// Drops views and landmarks of too few sightings, until none is left.
+    /// Removes views and landmarks with too few sightings until no such are left.
     pub fn of(problem: &Problem) -> Self {
         let mut core = Self {
             views: vec![true; problem.views()],
@@ -132,8 +132,8 @@ impl Core {
     }
 }
 
-/// What linear steps can reach from three views: landmarks that two reached views see, and views that see three
-/// reached landmarks.
+/// What triangulation and resection can reach from three views: landmarks that two reached views see, and views
+/// that see three reached landmarks.
 pub fn reached(problem: &Problem, triple: [usize; 3]) -> Core {
     let mut reached = Core {
         views: vec![false; problem.views()],

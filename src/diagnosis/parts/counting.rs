@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Findings that need no map: too little of something.
+//! Findings that need no map: too few views, landmarks or sightings.
 
 use super::super::finding::{Finding, Kind, Severity};
 use super::super::sentences::{Case, both, count, finding_in};
@@ -14,7 +14,7 @@ pub fn missing(part: &Part) -> usize {
     usize::try_from(-part.freedom()).unwrap_or(0)
 }
 
-/// What counting says about a part: two views, three landmarks, or fewer sightings than unknowns.
+/// The finding about a part with at most two views, at most three landmarks, or fewer sightings than unknowns.
 pub fn too_little(part: &Part) -> Option<Finding> {
     let (m, n) = (part.views.len(), part.landmarks.len());
     let lack = missing(part);
@@ -67,7 +67,7 @@ pub fn too_little(part: &Part) -> Option<Finding> {
     ))
 }
 
-/// Views and landmarks with too few sightings of each other to take part.
+/// Views and landmarks with too few sightings of each other to be determined.
 pub fn outside(problem: &Problem, core: &Core) -> Option<Finding> {
     let outside = |inside: &[bool], seen: &dyn Fn(usize) -> usize| -> Vec<usize> {
         let all = 0..inside.len();
@@ -85,7 +85,7 @@ pub fn outside(problem: &Problem, core: &Core) -> Option<Finding> {
     )
 }
 
-/// Views and landmarks without any sighting, but those that something else has `placed`.
+/// Views and landmarks without any sighting, except those `placed` by other data.
 pub fn unseen(problem: &Problem, placed: &dyn Fn(Subject) -> bool) -> Option<Finding> {
     let views = (0..problem.views())
         .filter(|&k| problem.of_view(k).is_empty() && !placed(Subject::View(k)));
@@ -100,7 +100,7 @@ pub fn unseen(problem: &Problem, placed: &dyn Fn(Subject) -> bool) -> Option<Fin
     )
 }
 
-/// Parts that share nothing.
+/// Parts that no sighting connects.
 pub fn apart(parts: &[Part]) -> Option<Finding> {
     let [first, others @ ..] = parts else {
         return None;
@@ -129,8 +129,8 @@ pub fn apart(parts: &[Part]) -> Option<Finding> {
     ))
 }
 
-/// Views and landmarks of a part that linear steps cannot reach from the best triple of views; all of them
-/// when there is no such triple.
+/// Views and landmarks of a part that triangulation and resection cannot reach from the best triple of views;
+/// all of them when there is no such triple.
 pub fn out_of_reach(part: &Part, reached: Option<&Core>) -> Option<Finding> {
     let Some(reached) = reached else {
         let subjects = (part.views.clone(), part.landmarks.clone());
@@ -154,7 +154,7 @@ pub fn out_of_reach(part: &Part, reached: Option<&Core>) -> Option<Finding> {
     )
 }
 
-/// A finding about some views and landmarks; `None` of none.
+/// A finding about some views and landmarks; `None` when there are none.
 pub fn concerning(
     case: Case,
     kind: Kind,

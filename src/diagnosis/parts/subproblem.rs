@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A part of a problem as a problem of its own: its noise, and what maps of it tell.
+//! A part of a problem as a problem of its own: its noise, and the examination of its maps.
 
 use super::super::finding::{Kind, apart};
 use super::super::options::DiagnosisOptions;
@@ -14,10 +14,10 @@ use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A part with indices of its own.
+/// A part of a problem, renumbered.
 pub struct SubProblem {
     pub problem: Problem,
-    /// What its views and landmarks are in the whole problem.
+    /// The indices of its views and landmarks in the whole problem.
     pub part: Part,
     pub options: DiagnosisOptions,
 }
@@ -56,7 +56,7 @@ impl SubProblem {
         }
     }
 
-    /// Views and landmarks as the whole problem numbers them, each in order and once.
+    /// Views and landmarks by their indices in the whole problem, each sorted and without duplicates.
     pub fn outer_all(
         &self,
         subjects: impl IntoIterator<Item = Subject>,
@@ -64,7 +64,7 @@ impl SubProblem {
         apart(subjects.into_iter().map(|subject| self.outer(subject)))
     }
 
-    /// A subject as the whole problem numbers it.
+    /// A subject by its index in the whole problem.
     pub fn outer(&self, subject: Subject) -> Subject {
         match subject {
             Subject::View(view) => Subject::View(self.part.views[view]),
@@ -72,8 +72,8 @@ impl SubProblem {
         }
     }
 
-    /// Root mean square of the residuals of a map \[rad\], and the standard deviation of a bearing \[rad\] that follows:
-    /// by the degrees of freedom, or where there are none the root mean square itself, which is then a lower bound.
+    /// Root mean square of the residuals of a map \[rad\], and the standard deviation of a bearing \[rad\] estimated
+    /// from it by the degrees of freedom; without any it is the root mean square itself, a lower bound.
     pub fn rms_and_noise(&self, map: &Map) -> (f64, f64) {
         let weight = self.mean_weight();
         let (mut squares, mut count) = (0.0, 0.0);
@@ -97,7 +97,7 @@ impl SubProblem {
         (rms, noise)
     }
 
-    /// The noise that the problem states: standard deviations below 1 rad.
+    /// The noise stated by the problem: only if all standard deviations are below 1 rad.
     pub fn stated_noise(&self) -> Option<f64> {
         let mut weights = self.problem.sightings().iter().map(|s| s.weight);
         weights
@@ -131,20 +131,19 @@ impl SubProblem {
         self.rms_and_noise(map).0 <= bound + f64::EPSILON.sqrt()
     }
 
-    /// A map examined by its singular values; `None` when it has no size or is too large.
+    /// Examines a map by its singular values; `None` when it has no size or is too large.
     pub fn examined(&self, map: &Map, noise: f64) -> Option<Examination> {
         NormalizedMap::of_map(&self.problem, map)
             .and_then(|normalized| examine(&normalized, noise, &self.options.shapes))
     }
 
-    /// Whether a map has the shape of this kind, and it leaves directions free.
+    /// Whether a map has the shape of this kind, and this shape leaves directions free.
     pub fn has_shape(&self, map: &Map, kind: Kind, noise: f64) -> bool {
         let found = self.examined(map, noise);
         found.is_some_and(|found| found.causes.iter().any(|cause| cause.kind == kind))
     }
 
-    /// The landmarks at infinity of a given map: it has no position for them, and their rays are parallel within the
-    /// noise.
+    /// The landmarks at infinity of a given map: those without a position whose rays are parallel within the noise.
     pub fn infinite(&self, map: &Map, noise: f64) -> Vec<Undetermined> {
         let bound = self.options.maps.parallel * noise + f64::EPSILON.sqrt();
         let parallel = |landmark: usize| {

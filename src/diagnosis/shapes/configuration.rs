@@ -12,7 +12,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Vector2};
 
-/// A named configuration: points that share shapes.
+/// A named configuration: points on common shapes.
 #[derive(Clone, Debug)]
 pub struct Configuration {
     pub kind: Kind,
@@ -20,12 +20,12 @@ pub struct Configuration {
     pub shapes: Vec<(Shape, Vec<usize>)>,
 }
 
-/// Exact maps are on a shape up to so many roots of the rounding: where two solutions merge, positions come with half
-/// the digits. A millionth of the map, far below any noise.
+/// Exact maps are on a shape up to this many square roots of the rounding error: where two solutions merge, positions
+/// have only half the digits. A millionth of the map, far below any noise.
 const ROOTS: f64 = 64.0;
 
-/// Step of the central difference of the distances, in sizes of the map: near the cube root of the rounding, where
-/// the errors of truncation and rounding are about equal.
+/// Step of the central differences of the distances, in sizes of the map: near the cube root of the rounding error,
+/// where truncation and rounding errors are about equal.
 const STEP: f64 = 1e-6;
 
 impl Configuration {
@@ -53,7 +53,7 @@ impl Configuration {
             kind: Kind::CoincidentViews,
             shapes,
         }));
-        // In some member of the family of a wall three views are often on a line, which says nothing.
+        // Some member of the family of a wall often has three views on a line, which is no evidence.
         if m > 3 {
             found.push(Self {
                 kind: Kind::LinesOfViewsAndOfLandmarks,
@@ -88,15 +88,15 @@ impl Configuration {
         }
     }
 
-    /// All points that share one of the shapes.
+    /// All points on one of the shapes.
     pub fn points(&self) -> impl Iterator<Item = usize> + '_ {
         self.shapes
             .iter()
             .flat_map(|(_, points)| points.iter().copied())
     }
 
-    /// Whether a map has the configuration: exactly, or within what noise \[rad\] in the bearings may
-    /// have made of it, but for the directions that are free anyway.
+    /// Whether a map has the configuration, exactly or up to the deviations that `noise` \[rad\] in the
+    /// bearings can cause in the directions that are not free.
     pub fn fits(
         &self,
         map: &NormalizedMap,
@@ -161,8 +161,8 @@ impl Configuration {
         distance <= expected + options.sigmas * if merging { 2.0 } else { 1.0 }
     }
 
-    /// What each distance is measured by: the unit of its point, or the extent of the shape where that is less,
-    /// because points in one place are on any line.
+    /// The unit of each distance: the unit of its point, or the extent of the shape where that is less, because
+    /// points in one place are on any line.
     fn measures(&self, map: &NormalizedMap) -> Vec<f64> {
         let units = map.units();
         let mut all = Vec::new();
@@ -200,8 +200,8 @@ impl Configuration {
         Some(map)
     }
 
-    /// How many directions the configuration leaves free by itself: those of a map of this shape that is generic
-    /// otherwise, less those that are free in any map with these sightings.
+    /// How many directions the configuration itself leaves free: those of an otherwise generic map of this shape,
+    /// minus those that are free in any map with these sightings.
     pub fn freedom_added(
         &self,
         generic: &NormalizedMap,
@@ -214,7 +214,7 @@ impl Configuration {
     }
 }
 
-/// The map with all points moved a little, so that no shape is left in it.
+/// The map with all points moved slightly, so that it has no shape.
 pub fn generic(map: &NormalizedMap, options: &ShapeOptions) -> NormalizedMap {
     let mut map = map.clone();
     let units = map.units();
@@ -224,7 +224,7 @@ pub fn generic(map: &NormalizedMap, options: &ShapeOptions) -> NormalizedMap {
     map
 }
 
-/// Vectors in the square from -1 to 1 without a pattern: a sequence of low discrepancy.
+/// Quasi-random vectors in the square from -1 to 1: a low-discrepancy sequence.
 fn scattered(k: usize) -> Vector2<f64> {
     // Powers of the inverse plastic number, the golden ratio of two dimensions.
     let at = |step: f64| {
@@ -234,8 +234,8 @@ fn scattered(k: usize) -> Vector2<f64> {
     Vector2::new(at(0.754_877_666_246_692_7), at(0.569_840_290_998_053_3))
 }
 
-/// Sets of views that may be in one place: the two sets that leave at most two places altogether, and for
-/// three views each pair.
+/// Sets of views that may be in one place: one or two sets if all views are in at most two places, and each pair
+/// of three views.
 fn close_views(map: &NormalizedMap, nearly: f64) -> Vec<Vec<(Shape, Vec<usize>)>> {
     let views = map.views.len();
     let near = |i: usize, j: usize| (map.points[i] - map.points[j]).norm() < nearly;

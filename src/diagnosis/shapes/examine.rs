@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From a map to the directions that the bearings leave free or hold weakly, and the shapes that explain them.
+//! The directions of a map that the bearings leave free or determine weakly, and the shapes that explain them.
 
 use super::super::finding::Kind;
 use super::super::options::ShapeOptions;
@@ -17,18 +17,18 @@ use alloc::vec::Vec;
 /// A shape that leaves directions free.
 pub struct Cause {
     pub kind: Kind,
-    /// The points that it concerns.
+    /// The points concerned.
     pub points: Vec<usize>,
     /// How many directions it leaves free, or weak.
     pub directions: usize,
 }
 
-/// What examining a map has found.
+/// The result of examining a map.
 pub struct Examination {
     pub spectrum: Spectrum,
-    /// The free and the weak ones. Subjects are those of the map's problem, and the cause is one of `causes`.
+    /// The free and weak directions. Subjects are those of the map's problem; the cause is an index into `causes`.
     pub directions: Vec<WeakDirection<usize>>,
-    /// The place of each in the spectrum.
+    /// The index of each in the spectrum.
     indices: Vec<usize>,
     pub causes: Vec<Cause>,
     /// Directions that are free in any map with these sightings.
@@ -37,7 +37,7 @@ pub struct Examination {
 }
 
 /// Names the free and weak directions of a map for bearings of this standard deviation \[rad\]; `None`
-/// when its spectrum cannot be had.
+/// when its spectrum cannot be computed.
 pub fn examine(map: &NormalizedMap, noise: f64, options: &ShapeOptions) -> Option<Examination> {
     let spectrum = Spectrum::of(map, options)?;
     let noise = noise.max(4.0 * f64::EPSILON);
@@ -50,7 +50,7 @@ pub fn examine(map: &NormalizedMap, noise: f64, options: &ShapeOptions) -> Optio
         causes: Vec::new(),
         structural: 0,
     };
-    // There is nothing to explain when all directions are firm and the map has no shape.
+    // There is nothing to explain when all directions are well determined and the map has no shape.
     let all: Vec<_> = Configuration::of_all(map, options)
         .into_iter()
         .filter(|configuration| configuration.fits(map, &found.spectrum, noise, options))
@@ -67,7 +67,7 @@ pub fn examine(map: &NormalizedMap, noise: f64, options: &ShapeOptions) -> Optio
     Some(found)
 }
 
-/// The free and the weak directions, and their places in the spectrum.
+/// The free and weak directions, and their indices in the spectrum.
 fn open_directions(
     map: &NormalizedMap,
     spectrum: &Spectrum,
@@ -109,7 +109,7 @@ fn open_directions(
 }
 
 impl Examination {
-    /// Looks for the configurations that concern the whole map.
+    /// Searches for configurations of the whole map.
     fn name_whole(
         &mut self,
         map: &NormalizedMap,
@@ -146,7 +146,7 @@ impl Examination {
         open > self.structural
     }
 
-    /// Makes a configuration the cause of the directions that lie in what it leaves free.
+    /// Makes a configuration the cause of the directions that lie in its null space.
     fn accept(
         &mut self,
         configuration: &Configuration,
@@ -174,7 +174,7 @@ impl Examination {
         }
     }
 
-    /// Looks for points that move alone, and for walls of only some landmarks.
+    /// Searches for points that move alone, and for walls of only some landmarks.
     fn name_points(&mut self, map: &NormalizedMap, generic: &NormalizedMap, noise: f64) {
         for _ in 0..self.options.causes {
             let open = self.directions.iter().filter(|d| d.cause.is_none());

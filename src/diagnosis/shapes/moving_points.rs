@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which points move in a direction: what is left of it after the similarity under which most points stay.
+//! Which points move in a direction, after removing the similarity that leaves most points where they are.
 
 use super::normalized_map::NormalizedMap;
 #[cfg(not(feature = "std"))]
@@ -11,13 +11,13 @@ use nalgebra::{Complex, Vector2};
 /// Rounds of reweighting, twice as many as the weights usually need to converge.
 const ROUNDS: usize = 25;
 
-/// Moves less than this share of the largest are rounding of the fit; a floor for the weights.
+/// Moves below this fraction of the largest are rounding of the fit; a bound on the weights.
 const ROUNDING: f64 = 1e-6;
 
 /// The points that move and their shares of the squared moves, largest first.
 ///
-/// A similarity of the whole changes no bearing, so it may be subtracted: the one that leaves the least sum of moves,
-/// not of their squares, because then as many points as possible stay where they are.
+/// A similarity of the whole changes no bearing, so it may be subtracted. The one chosen minimises the sum of moves,
+/// not of their squares, so that as many points as possible stay where they are.
 pub fn moving_points(map: &NormalizedMap, moves: &[Vector2<f64>]) -> Vec<(usize, f64)> {
     let units = map.units();
     let left = without_similarity(map, moves, &units);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! A map as bare geometry: positions, and which view sees which landmark.
+//! A map reduced to its geometry: positions, and which view sees which landmark.
 
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -8,7 +8,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Vector2;
 
-/// Points of a determined map in units of its size, with the sightings between them.
+/// The determined points of a map in units of its size, with the sightings between them.
 ///
 /// Points are numbered views first, then landmarks.
 #[derive(Clone, Debug)]
@@ -17,7 +17,7 @@ pub struct NormalizedMap {
     pub views: Vec<usize>,
     /// Index of each landmark in the problem, ascending.
     pub landmarks: Vec<usize>,
-    /// Position of each point, the middle of them at the origin.
+    /// Position of each point, with their median at the origin.
     pub points: Vec<Vector2<f64>>,
     /// View, landmark (both as numbered here, landmarks from 0), weight over the mean weight.
     pub sightings: Vec<(usize, usize, f64)>,
@@ -37,7 +37,7 @@ impl NormalizedMap {
         Self::new(problem, views, landmarks)
     }
 
-    /// A map from places; `None` when no sighting is left, or a number is not finite.
+    /// A map from positions; `None` when no sighting is left, or a number is not finite.
     pub fn new(
         problem: &Problem,
         views: impl Iterator<Item = (usize, Vector2<f64>)>,
@@ -76,9 +76,9 @@ impl NormalizedMap {
         normalized.normalize().then_some(normalized)
     }
 
-    /// Brings the middle to the origin and the size to 1; false when there is no size.
+    /// Moves the middle to the origin and scales the size to 1; `false` when the map has no size.
     ///
-    /// Middle and size are medians: landmarks far away do not change the measure of the others.
+    /// Middle and size are medians, so that landmarks far away do not affect the scale of the others.
     fn normalize(&mut self) -> bool {
         let finite = |p: &Vector2<f64>| p.x.is_finite() && p.y.is_finite();
         if self.sightings.is_empty() || !self.points.iter().all(finite) {
@@ -110,7 +110,7 @@ impl NormalizedMap {
         self.views.len() + landmark
     }
 
-    /// The subject that a point is, as the problem numbers it.
+    /// The subject of a point, by its index in the problem.
     pub fn subject(&self, point: usize) -> Subject {
         match point.checked_sub(self.views.len()) {
             None => Subject::View(self.views[point]),
@@ -118,7 +118,7 @@ impl NormalizedMap {
         }
     }
 
-    /// The point that a subject of the problem is, if it is in the map.
+    /// The point of a subject of the problem, if it is in the map.
     pub fn point(&self, subject: Subject) -> Option<usize> {
         match subject {
             Subject::View(view) => self.views.binary_search(&view).ok(),
@@ -142,8 +142,8 @@ impl NormalizedMap {
         ends.collect()
     }
 
-    /// The length \[sizes\] that a move of each point is measured by: the size of the map, or its mean
-    /// distance from what it sees or is seen by, where that is more.
+    /// The unit of length for moves of each point, in sizes of the map: 1, or its mean distance from what
+    /// it sees or is seen by, where that is more.
     pub fn units(&self) -> Vec<f64> {
         let mut sums = vec![(0.0, 0.0); self.points.len()];
         for &(view, landmark, _) in &self.sightings {
@@ -159,7 +159,7 @@ impl NormalizedMap {
     }
 }
 
-/// The middle one, 0 of none.
+/// The median; 0 when there are no values.
 pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

@@ -6,7 +6,7 @@ use crate::float::Float;
 use alloc::vec::Vec;
 use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
 
-/// What points may share.
+/// A shape that points may have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// All in one place.
@@ -17,12 +17,12 @@ pub enum Shape {
     Circle,
 }
 
-/// A circle whose radius is more than this many extents of its points is a line: the arc leaves its chord by less
-/// than a fortieth of the extent. It defines what a circle is.
+/// A circle whose radius is more than this many extents of its points counts as a line: the arc deviates from its
+/// chord by less than a fortieth of the extent. This defines what a circle is.
 const FLATTEST: f64 = 20.0;
 
 impl Shape {
-    /// How many parameters of the nearest shape are fitted to the distances of its points.
+    /// How many parameters are fitted to find the nearest shape.
     pub fn parameters(self) -> usize {
         match self {
             Self::Place | Self::Line => 2,
@@ -30,7 +30,7 @@ impl Shape {
         }
     }
 
-    /// The points moved to the nearest places that share the shape; `None` when there is no such shape.
+    /// The points projected onto the nearest shape; `None` when there is no such shape.
     pub fn project(self, points: &[Vector2<f64>]) -> Option<Vec<Vector2<f64>>> {
         let middle = centroid(points);
         match self {
@@ -93,7 +93,7 @@ pub fn line(points: &[Vector2<f64>]) -> (Vector2<f64>, Vector2<f64>) {
         let d = p - middle;
         moments += d * d.transpose();
     }
-    // The axis at half the angle of the second moments: without cancellation on a perfect line.
+    // The axis is at half the angle of the second moments, free of cancellation even on a perfect line.
     let twice = (2.0 * moments.m12).atan2(moments.m11 - moments.m22);
     let (sin, cos) = (0.5 * twice).sin_cos();
     (middle, Vector2::new(cos, sin))
@@ -103,8 +103,8 @@ fn across(direction: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(-direction.y, direction.x)
 }
 
-/// Centre and radius of the circle nearest to the points: algebraic, then two steps of Gauss-Newton on
-/// the distances. `None` when it is a line to them.
+/// Centre and radius of the circle nearest to the points: an algebraic fit, then two Gauss-Newton steps on
+/// the distances. `None` when the points do not distinguish it from a line.
 fn circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)> {
     let middle = centroid(points);
     let extent = extent(points);
@@ -168,7 +168,7 @@ mod tests {
                 assert!((p - q).norm() < 1e-14);
             }
         }
-        // A line is no circle.
+        // A line is not a circle.
         assert!(Shape::Circle.project(&line).is_none());
         assert!(Shape::Line.distances(&circle).unwrap()[0].abs() > 0.1);
     }

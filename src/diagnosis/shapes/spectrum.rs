@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How firmly the bearings hold each direction of a map: the singular values of the Jacobian.
+//! How well the bearings determine each direction of a map: the singular values of the Jacobian.
 
 use super::super::options::ShapeOptions;
 use super::normalized_map::{NormalizedMap, median};
@@ -8,7 +8,7 @@ use crate::float::Float;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector, Vector2};
 
-/// The directions of a map beyond the gauge, those that the bearings hold least first.
+/// The directions of a map beyond the gauge, the least determined first.
 ///
 /// Parameters are `(x, y, theta)` of each view and `(x, y)` of each landmark; headings in radians,
 /// positions in the units of [`NormalizedMap::units`], so that a singular value is the bearing error
@@ -18,19 +18,19 @@ pub struct Spectrum {
     pub values: Vec<f64>,
     /// The directions, one column each, orthonormal.
     pub directions: DMatrix<f64>,
-    /// What a singular value is measured by before it is called zero: the median column of the Jacobian.
+    /// The reference for calling a singular value zero: the norm of the median column of the Jacobian.
     pub scale: f64,
 }
 
-/// A sighting over less than this part of the map's size says that two places are one and little else. Its row,
-/// which grows with one over the distance, is kept at what it is there, so that the others are not rounding beside it.
+/// A sighting over less than this fraction of the map's size says little more than that two places coincide. Its row,
+/// which grows with one over the distance, is bounded, so that the other rows do not vanish beside it.
 const TOUCHING: f64 = 1e-3;
 
-/// Singular values below so many roots of the rounding are zero: positions come out of exact bearings with half the
-/// digits where two solutions merge.
+/// Singular values below this many square roots of the rounding error are zero: where two solutions merge, exact
+/// bearings give positions with only half the digits.
 const ROOTS: f64 = 8.0;
 
-/// Most steps of the singular value decomposition per parameter; two are usual.
+/// Maximum number of steps of the singular value decomposition per parameter; two are usual.
 const STEPS: usize = 60;
 
 impl Spectrum {
@@ -57,7 +57,7 @@ impl Spectrum {
         let gauge = reflectors.len();
         let count = count.checked_sub(gauge).filter(|&count| count > 0)?;
         let held = jacobian.columns(gauge, count).into_owned();
-        // A triangle first: its decomposition does not depend on how many sightings there are.
+        // QR first, so that the size of the decomposition does not depend on the number of sightings.
         let square = if held.nrows() > count {
             held.qr().r()
         } else {
@@ -92,7 +92,7 @@ impl Spectrum {
             .count()
     }
 
-    /// Standard deviation of a direction in its units, for bearings with this one \[rad\].
+    /// Standard deviation along a direction in its units, for bearings with this `noise` \[rad\].
     pub fn deviation(&self, direction: usize, noise: f64) -> f64 {
         noise / self.values[direction].max(f64::EPSILON * self.scale)
     }
@@ -143,7 +143,7 @@ fn rows(map: &NormalizedMap) -> DMatrix<f64> {
     matrix
 }
 
-/// What each parameter is measured by.
+/// The unit of each parameter.
 fn parameter_units(map: &NormalizedMap) -> Vec<f64> {
     let (views, landmarks) = (map.views.len(), map.landmarks.len());
     let mut units = alloc::vec![1.0; 3 * views + 2 * landmarks];
@@ -155,10 +155,10 @@ fn parameter_units(map: &NormalizedMap) -> Vec<f64> {
     units
 }
 
-/// Householder vectors that turn the free directions of the gauge into the first axes.
+/// Householder vectors that rotate the free directions of the gauge into the first axes.
 ///
-/// The gauge is translation, rotation and scaling. Only those that the Jacobian leaves free are taken: all four, as
-/// long as the rows are those of bearings.
+/// The gauge is translation, rotation and scale. Only directions that the Jacobian leaves free are used: all four, as
+/// long as all rows are bearings.
 fn free_gauge(
     map: &NormalizedMap,
     jacobian: &DMatrix<f64>,
@@ -210,13 +210,13 @@ fn free_gauge(
     reflectors
 }
 
-/// Reflects a vector at the plane across a unit vector.
+/// Reflects a vector in the plane normal to a unit vector.
 fn reflect(vector: &mut DVector<f64>, across: &DVector<f64>) {
     let twice = 2.0 * across.dot(vector);
     vector.axpy(-twice, across, 1.0);
 }
 
-/// The same for each row of a matrix.
+/// Reflects each row of a matrix.
 fn reflect_columns(matrix: &mut DMatrix<f64>, across: &DVector<f64>) {
     let twice = &*matrix * across * 2.0;
     matrix.ger(-1.0, &twice, across, 1.0);

@@ -9,9 +9,9 @@ use nalgebra::{DMatrix, DVector, UnitComplex};
 
 /// The headings of a connected set of views that agree best with the relative headings of triples.
 ///
-/// A spanning tree of the best conditioned triples starts, each further triple attached where it
-/// meets the tree, by the branch that fits; then least squares over all triples on the circle, (T31),
-/// reweighted for outliers, each triple by its nearer branch.
+/// The initial headings come from a spanning tree of the best-conditioned triples, each attached by
+/// the branch that fits best. Least squares over all triples on the circle, (T31), then refines them:
+/// each triple by its nearer branch, reweighted against outliers.
 pub fn average(
     views: usize,
     relatives: &[Relative],
@@ -28,8 +28,8 @@ pub fn average(
         .collect();
     let mut headings = spanning_tree(views, &relatives);
     for _ in 0..options.rounds {
-        // Each pair of each triple: the two views, by how much its second heading is behind, its
-        // quality.
+        // For each pair of views in each triple: the two views, the error of their relative heading,
+        // the quality.
         let mut pairs = Vec::with_capacity(3 * relatives.len());
         for relative in &relatives {
             let Some((_, errors)) = nearest(relative, &headings) else {
@@ -58,7 +58,7 @@ pub fn average(
             right[a] -= weight * error;
             right[b] += weight * error;
         }
-        // One heading is free: the first stays.
+        // Gauge: hold the first heading.
         let stiffness = matrix.diagonal().sum();
         matrix[(0, 0)] += stiffness;
         let Some(factor) = matrix.cholesky() else {
@@ -78,8 +78,8 @@ pub fn average(
     headings
 }
 
-/// Of the branches of a triple the one nearer to the headings as they are, and how much the second
-/// heading of each of its pairs (0, 1), (1, 2), (2, 0) is to be turned for it \[rad\].
+/// The branch of a triple nearest to the current headings: its squared error, and the angle \[rad\] by
+/// which the second heading of each pair (0, 1), (1, 2), (2, 0) would have to turn to satisfy it.
 fn nearest(relative: &Relative, headings: &[Option<UnitComplex<f64>>]) -> Option<(f64, [f64; 3])> {
     let mut best: Option<(f64, [f64; 3])> = None;
     let [a, b, c] = relative.views.map(|view| headings[view]);
@@ -98,7 +98,7 @@ fn nearest(relative: &Relative, headings: &[Option<UnitComplex<f64>>]) -> Option
     best
 }
 
-/// First headings: from the best triple without a rival outwards.
+/// Initial headings, spread outwards from the best triple that has only one branch.
 fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComplex<f64>>> {
     let mut headings = vec![None; views];
     let clear = relatives
@@ -108,8 +108,8 @@ fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComple
         return headings;
     };
     headings[first.views[0]] = Some(UnitComplex::identity());
-    // Two known views distinguish the branches of a triple; a triple with a rival and one known view
-    // waits.
+    // Two known views decide between the branches of a triple; a triple with two branches and one known
+    // view waits.
     loop {
         let attaches = |relative: &&&Relative, fewest: usize| {
             let known = relative
@@ -134,8 +134,7 @@ fn spanning_tree(views: usize, relatives: &[&Relative]) -> Vec<Option<UnitComple
     }
 }
 
-/// Gives the views of a triple that have no heading theirs, by the branch that agrees with those that
-/// have.
+/// Sets the missing headings of a triple, by the branch that agrees best with the known ones.
 fn attach(relative: &Relative, headings: &mut [Option<UnitComplex<f64>>]) {
     let mut best: Option<(f64, [UnitComplex<f64>; 3])> = None;
     for branch in &relative.branches {

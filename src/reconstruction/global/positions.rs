@@ -18,7 +18,7 @@ struct DirectedRay {
 }
 
 impl DirectedRay {
-    /// The direction at right angles to it, times the weight.
+    /// The unit normal of the ray, times the weight.
     fn row(&self) -> Vector2<f64> {
         Vector2::new(-self.along.y, self.along.x) * self.weight
     }
@@ -102,7 +102,7 @@ pub fn solve(
     map.poses.iter().any(Option::is_some).then_some(map)
 }
 
-/// Solves the system with the weights as they are; sets the landmarks.
+/// Solves the system with the current weights and sets the landmarks.
 fn round(
     views: usize,
     bundles: &mut Vec<RayBundle>,
@@ -140,8 +140,8 @@ fn round(
             }
         }
     }
-    // The translations get the stiffness of an average view, and everything a little more than
-    // rounding.
+    // Gauge: the translations get the stiffness of an average view, and the whole diagonal a little more
+    // than rounding.
     let mean = matrix.diagonal().sum() / (2.0 * views as f64);
     let stiffness = mean / (views as f64);
     for a in 0..views {

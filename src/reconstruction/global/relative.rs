@@ -13,7 +13,7 @@ use nalgebra::UnitComplex;
 /// The headings of three views, up to a common turn.
 pub struct Relative {
     pub views: [usize; 3],
-    /// One or two: both branches where the signs of the bearings leave them possible.
+    /// One branch, or both where the signs of the bearings do not decide between them.
     pub branches: Vec<[UnitComplex<f64>; 3]>,
     /// Inversely proportional to the standard deviation of the headings, for equal noise.
     pub quality: f64,
@@ -22,7 +22,7 @@ pub struct Relative {
 /// Triples of views for the averaging, the best conditioned first.
 ///
 /// # Errors
-/// [`Error::Interrupted`]; why no triple can be estimated, when none can.
+/// [`Error::Interrupted`]; when no triple can be estimated, the error of the last one.
 pub fn relatives(
     problem: &Problem,
     options: &SolveOptions,
@@ -68,8 +68,8 @@ pub fn relatives(
     }
 }
 
-/// One triple; `None` when it shares more landmarks than `fewest`, the least that is asked for, and has been
-/// drawn before.
+/// Estimates one triple. `None` in the draw with `needed` equal to `fewest` when it shares more landmarks: an
+/// earlier draw has had it.
 fn relative(
     problem: &Problem,
     views: [usize; 3],
@@ -94,7 +94,7 @@ fn relative(
     }))
 }
 
-/// The sets of views that triples connect, the largest first; views of no triple are in none.
+/// The sets of views connected by triples, the largest first; a view in no triple is in none of them.
 pub fn groups(views: usize, relatives: &[Relative]) -> Vec<Vec<usize>> {
     let mut parent: Vec<usize> = (0..views).collect();
     fn root(parent: &mut [usize], mut view: usize) -> usize {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The end of a growth: everything that can be placed is placed, and the map refined for the last time.
+//! Completion of a grown map: places everything that can be placed, and refines for the last time.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
@@ -11,8 +11,7 @@ use crate::error::Error;
 use crate::lm::RefineOptions;
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 
-/// The last refinement of a map, of everything that has a place in it; `None` when it cannot be
-/// refined.
+/// Completes a map and refines it for the last time; `None` when it cannot be refined.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -39,7 +38,7 @@ pub fn finish(
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);
-                // A map that has not converged makes no room.
+                // Only a converged map can make room for further views.
                 if !converged {
                     break;
                 }
@@ -50,7 +49,7 @@ pub fn finish(
     Ok(best)
 }
 
-/// A map refined; `None` when it cannot be.
+/// Refines a map; `None` when it cannot be refined.
 fn refined(
     problem: &Problem,
     options: &RefineOptions,
@@ -63,14 +62,14 @@ fn refined(
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 
-/// Adds everything that the gates have kept out and that can be placed at all, for the last refinement.
+/// Adds everything that the gates have kept out and that can be placed at all.
 ///
-/// A landmark whose rays do not meet is put far out along them: the refinement finds out whether it is at
+/// A landmark that fits better far out along its rays starts there: the refinement decides whether it is at
 /// infinity.
 fn complete(problem: &Problem, options: &IncrementalOptions, map: &mut Map, allowed: &[bool]) {
     let noise = noise(problem, map, options);
     let [.., widest] = options.gates;
-    // Landmarks, the views that need them, the landmarks that need these.
+    // Twice: new landmarks allow new views, and these allow further landmarks.
     for _ in 0..2 {
         for landmark in 0..map.landmarks.len() {
             if map.landmarks[landmark].is_none() {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How well a view or a landmark fits a map, and how well the map determines it.
 //!
-//! Residuals are over sigma, and bounds are multiples of the noise seen so far: sigma may be unknown.
+//! Residuals are divided by sigma, and bounds are multiples of the noise observed so far, because sigma may be
+//! unknown.
 
 use super::super::judge;
 use super::options::IncrementalOptions;
@@ -30,19 +31,19 @@ impl Fit {
         })
     }
 
-    /// A view at a pose, over the landmarks that have a place.
+    /// The fit of a view at a pose, over its landmarks in the map.
     pub fn of_view(problem: &Problem, map: &Map, view: usize, pose: &Pose<f64>) -> Self {
         let seen = map.seen(problem, view);
         Self::of(seen.map(|(point, s)| problem.residual(pose, &point, s) * s.weight))
     }
 
-    /// A landmark at a place, over the views that have a pose.
+    /// The fit of a landmark at a position, over its views in the map.
     pub fn of_landmark(problem: &Problem, map: &Map, landmark: usize, point: &Point2<f64>) -> Self {
         let rays = map.rays(problem, landmark);
         Self::of(rays.map(|(pose, s)| problem.residual(&pose, point, s) * s.weight))
     }
 
-    /// Whether the mean square, with so many parameters fitted, is within `gate` times the noise.
+    /// Whether the root mean square, after fitting this many parameters, is within `gate` times the noise.
     pub fn passes(&self, parameters: usize, noise: f64, gate: f64) -> bool {
         let freedom = self.count.saturating_sub(parameters).max(1);
         let bound = gate * noise;
@@ -51,7 +52,7 @@ impl Fit {
 }
 
 /// The noise of a map: root mean square of its residuals over sigma per degree of freedom, drawn
-/// towards what is expected while there are few.
+/// towards the expected noise while there are few.
 pub fn noise(problem: &Problem, map: &Map, options: &IncrementalOptions) -> f64 {
     let (mut squares, mut weights, mut count) = (0.0, 0.0, 0);
     for (s, residual) in problem.sightings().iter().zip(map.residuals(problem)) {
@@ -71,8 +72,8 @@ pub fn noise(problem: &Problem, map: &Map, options: &IncrementalOptions) -> f64 
     ((squares + expected * counted) / (freedom + counted)).sqrt()
 }
 
-/// The variance of residuals that are rounding, for the most precise of the bearings: the maps that are compared
-/// need not share their sightings.
+/// The variance of residuals due to rounding, for the most precise of the bearings: maps that are compared may have
+/// different sightings.
 pub fn rounding(problem: &Problem) -> f64 {
     let weights = problem.sightings().iter();
     judge::rounding(weights.fold(0.0_f64, |most, s| most.max(s.weight)))
@@ -85,10 +86,10 @@ pub fn range_variance(problem: &Problem, map: &Map, landmark: usize, point: &Poi
     for (pose, s) in map.rays(problem, landmark) {
         let offset = point.coords - pose.translation.vector;
         let range = offset.norm();
-        // Over one range only: information about the position in units of the range.
+        // Divided by the range once, not twice: information about the position in units of the range.
         let gradient = Vector2::new(-offset.y, offset.x) * (s.weight / range);
         information += gradient * gradient.transpose();
     }
-    // The trace is the larger eigenvalue, but for a factor of two.
+    // The trace is the larger eigenvalue to within a factor of two.
     information.trace() / information.determinant().max(0.0)
 }

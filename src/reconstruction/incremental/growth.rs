@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! One map on its way from a few poses to everything it can reach.
+//! Growth of one map from a few poses to everything it can reach.
 //!
-//! A round adds the views that the map determines best, up to a quarter more than it has, then landmarks,
-//! and refines. What does not fit waits for a later round, when the map is better; when nothing else
-//! is left the gates open wider.
+//! Each round adds the views that the map determines best, at most a quarter of those it has, then landmarks,
+//! and refines. What does not fit waits for a later round, when the map is better; when no view passes the
+//! gates, they are widened.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
@@ -20,7 +20,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
-/// A map that grows.
+/// A growing map.
 pub struct IncrementalGrowth<'a> {
     problem: &'a Problem,
     options: &'a IncrementalOptions,
@@ -28,17 +28,16 @@ pub struct IncrementalGrowth<'a> {
     /// Views that may be added.
     allowed: &'a [bool],
     pub map: Map,
-    /// Residuals over sigma to be expected.
+    /// Expected root mean square of residuals over sigma.
     noise: f64,
-    /// How often each view has been thrown out.
+    /// How often each view has been removed.
     thrown: Vec<u8>,
-    /// Index into the gates.
+    /// Index of the current gate.
     level: usize,
 }
 
 impl<'a> IncrementalGrowth<'a> {
-    /// From poses without landmarks; `None` when the landmarks that they see cannot be refined with
-    /// them.
+    /// Starts from poses without landmarks; `None` when the first refinement fails.
     ///
     /// # Errors
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -70,7 +69,7 @@ impl<'a> IncrementalGrowth<'a> {
         self.map.poses.iter().flatten().count()
     }
 
-    /// Residuals over sigma to be expected.
+    /// Expected root mean square of residuals over sigma.
     pub fn noise(&self) -> f64 {
         self.noise
     }
@@ -124,8 +123,8 @@ impl<'a> IncrementalGrowth<'a> {
         found.len()
     }
 
-    /// The pose of a view that passes the gates, and how well it is determined: one over the standard
-    /// deviation of its heading, in units of the noise.
+    /// The pose of a view if it passes the gates, and how well it is determined: one over the standard
+    /// deviation of its heading at the current noise.
     fn place_view(&self, view: usize) -> Option<(Pose<f64>, f64)> {
         if self.map.connections_of_view(self.problem, view)
             < self.options.landmarks_of_view[self.level]
@@ -154,7 +153,7 @@ impl<'a> IncrementalGrowth<'a> {
         }
     }
 
-    /// The place of a landmark that passes the gates.
+    /// The position of a landmark if it passes the gates.
     fn place_landmark(&self, landmark: usize) -> Option<Point2<f64>> {
         let (point, fit) = place::place_landmark(self.problem, &self.map, landmark)?;
         let variance = range_variance(self.problem, &self.map, landmark, &point);
@@ -164,7 +163,7 @@ impl<'a> IncrementalGrowth<'a> {
             .then_some(point)
     }
 
-    /// A few steps of refinement of the whole; `false` when it cannot be refined.
+    /// Refines the whole map for a few iterations; `false` when it cannot be refined.
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
         let mut observer = |_, _| report_progress(progress, "grow", reached, total);
@@ -180,7 +179,7 @@ impl<'a> IncrementalGrowth<'a> {
         Ok(report.is_some())
     }
 
-    /// Finds other places for what does not fit, or throws it out.
+    /// Places anew what does not fit, or removes it.
     fn revise(&mut self) {
         for landmark in 0..self.map.landmarks.len() {
             let Some(point) = self.map.landmarks[landmark] else {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Which of several maps is the best, and two that share landmarks become one.
+//! Choice of the best of several maps, and merging of maps that share landmarks.
 
 use super::super::judge::{is_as_good, variance};
 use super::super::options::{Progress, SolveOptions};
@@ -19,7 +19,7 @@ pub fn views(found: &Reconstruction) -> usize {
     found.map.poses.iter().flatten().count()
 }
 
-/// Of those that fit about as well as the best, the one that reaches most, then the lowest.
+/// Of the maps that fit about as well as the best, the one that leaves least undetermined, then the lowest cost.
 pub fn best(
     problem: &Problem,
     options: &IncrementalOptions,
@@ -38,7 +38,7 @@ pub fn best(
     })
 }
 
-/// Joins maps that share landmarks; the largest first.
+/// Merges maps that share landmarks; returns the largest first.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -48,7 +48,7 @@ pub fn merge(
     mut found: Vec<Reconstruction>,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Reconstruction>, Error> {
-    // Views of no map may fit the two together.
+    // Views in no map yet may be placed in a merged one.
     let mut free = vec![true; problem.views()];
     for map in &found {
         for (free, pose) in free.iter_mut().zip(&map.map.poses) {
@@ -74,7 +74,7 @@ pub fn merge(
     Ok(found)
 }
 
-/// Two maps as one, refined; `None` where they share too little or do not fit.
+/// Two maps merged and refined; `None` when they share too few landmarks or do not fit.
 fn joined(
     problem: &Problem,
     options: &SolveOptions,
@@ -89,7 +89,7 @@ fn joined(
     let Some(joined) = finish(problem, options, start, free, progress)? else {
         return Ok(None);
     };
-    // As good as apart, per degree of freedom: they belong together.
+    // They belong together when the merged map fits as well as the two apart, per degree of freedom.
     let freedom = (first.freedom + second.freedom).max(1) as f64;
     let apart = 2.0 * (first.cost + second.cost) / freedom;
     let fits = is_as_good(
@@ -101,11 +101,11 @@ fn joined(
     Ok(fits.then_some(joined))
 }
 
-/// The first map with what the second has beyond it, moved by the similarity that fits their common
-/// landmarks best; `None` when they share fewer than two.
+/// The first map extended by what only the second has, moved by the similarity that fits their shared
+/// landmarks best; `None` when they share fewer than two well-determined ones.
 ///
-/// Two shared landmarks fix the similarity and leave nothing to check it; the cost of the refinement of the
-/// whole is the check.
+/// Two shared landmarks determine the similarity without redundancy; the check is the cost of the refined
+/// whole.
 fn merged(
     problem: &Problem,
     options: &IncrementalOptions,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Options of the incremental stage, from seeds to joined components.
+//! Options of the incremental stage, from seeds to merged components.
 
 use crate::problem::MIN_LANDMARKS_OF_VIEW;
 
@@ -11,59 +11,59 @@ use crate::problem::MIN_LANDMARKS_OF_VIEW;
 pub struct IncrementalOptions {
     /// Triples of views that are drawn for each view.
     pub triples_per_view: usize,
-    /// Fewest triples that are drawn.
+    /// Minimum number of triples that are drawn.
     pub fewest_triples: usize,
-    /// Most triples that are drawn.
+    /// Maximum number of triples that are drawn.
     pub most_triples: usize,
-    /// Landmarks that the views of a seed must share: one more than the tensor needs, so that something checks it, or
-    /// just enough where there is no more.
+    /// Landmarks that the views of a seed must share: one more than the tensor needs, for redundancy, then the
+    /// minimum.
     pub shared_landmarks: [usize; 2],
-    /// Seeds that are tried for a map before the best is taken as it is.
+    /// Seeds that are tried for a map before the best so far is taken.
     pub seeds: usize,
-    /// Views to which both branches of a seed grow before the better goes on.
+    /// Number of views to which both branches of a seed grow before the better one is chosen.
     pub views_before_choice: usize,
-    /// Two branches whose variances differ by less than this factor then are both grown to the end.
+    /// If the variances of the branches then differ by less than this factor, both are grown to the end.
     pub clear_ratio: f64,
 
-    /// A view or landmark fits within so many times the noise. At first its neighbours are no better than itself, hence
-    /// more than the usual three; wider, where a loop closes over the drift of the map; at last whatever has a pose at
-    /// all.
+    /// A view or landmark fits when its residuals are within this many times the noise. First more than the usual
+    /// three, because its neighbours are no better determined than it is; then wider, to close loops despite drift;
+    /// last, whatever can be placed at all.
     pub gates: [f64; 3],
-    /// Landmarks that a view must see at each of the gates: one more than determine it, so that one checks it; without
-    /// the check when nothing else is left.
+    /// Landmarks in the map that a view must see at each gate: one more than the minimum, for redundancy, except at
+    /// the last.
     pub landmarks_of_view: [usize; 3],
-    /// A round may add one view to so many.
+    /// A round may add one view for every this many in the map.
     pub views_per_added: usize,
-    /// A heading is taken when its standard deviation is below this \[rad\], a landmark when that of its range is below
-    /// this part of it. Beyond, the first order no longer predicts what they do to others. A landmark nearer to infinity
-    /// would also decide alone on the scale between two maps.
+    /// A view is accepted when the standard deviation of its heading is below this \[rad\], a landmark when the
+    /// relative standard deviation of its range is. Above this, first-order predictions fail, and a landmark near
+    /// infinity would alone set the scale between two maps.
     pub max_deviation: f64,
-    /// How often a view may be thrown out and come back.
+    /// How often a view may be removed and added again.
     pub returns: u8,
-    /// Most iterations of a refinement on the way: enough to take out the drift; the end is exact.
+    /// Maximum number of iterations of a refinement during growth: enough to remove drift; only the last converges.
     pub growing_iterations: usize,
-    /// Noise \[rad\] that is expected before anything has been measured: a good degree.
+    /// Noise \[rad\] that is expected before there are residuals: a little more than a degree.
     pub expected_noise: f64,
-    /// For how many residuals the expectation counts.
+    /// Number of residuals that the expectation weighs as much as.
     pub expected_count: f64,
 
-    /// Refinements of a map, each of which may make room for a view that did not fit before.
+    /// Final refinements of a map: after each, a view that did not fit before may fit.
     pub completions: usize,
-    /// So many times the size of the map is far out: beyond it the refinement finds out whether a landmark is at
-    /// infinity.
+    /// Range, in sizes of the map, at which a landmark that may be at infinity starts; the refinement decides whether
+    /// it is.
     pub far_sizes: f64,
-    /// Iterations of the last refinement of the map of a seed: one that has grown well needs two to five, and what takes
-    /// more goes on by Newton's method, which is expensive.
+    /// Iterations that the final refinement of a seed's map gets at first: a map that has grown well needs two to five,
+    /// and one that needs more continues by Newton's method, which is expensive.
     pub first_iterations: usize,
-    /// Most unfinished maps that go on.
+    /// Maximum number of maps refined further after the first iterations.
     pub max_finished: usize,
-    /// How many times the variance of the best that of an unfinished map may be for it to go on.
+    /// A map is refined further only if its variance is at most this many times that of the best.
     pub hopeless_ratio: f64,
 
-    /// Two maps belong together, and a map competes with a better one, when its variance is at most so many times the
-    /// other's: twice the residuals.
+    /// Two maps belong together, and a map competes with a better one, when their variances differ by at most this
+    /// factor: residuals twice as large.
     pub fitting_ratio: f64,
-    /// Shared landmarks that join two maps: as many as fix a similarity.
+    /// Shared landmarks needed to merge two maps: two determine a similarity.
     pub joining_landmarks: usize,
 }
 

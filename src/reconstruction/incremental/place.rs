@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Places of single views and landmarks in a map.
+//! Placement of single views and landmarks in a map.
 //!
-//! Where a landmark is so near to a view that the noise decides on which side of it, the closed forms may put it
-//! behind: the mirrored place, which puts it ahead, is tried as well.
+//! When a landmark is so close to a view that noise decides on which side it lies, the closed forms may put it behind
+//! the view; the mirrored place, which puts it ahead, is tried as well.
 
 use super::gates::Fit;
 #[cfg(not(feature = "std"))]
@@ -12,7 +12,7 @@ use crate::kernels::{Resection, resect, triangulate};
 use crate::problem::{IndexedSighting, MIN_VIEWS_OF_LANDMARK, Map, Problem};
 use nalgebra::{Point2, Translation2, Vector2};
 
-/// A view from the landmarks that have a place: how it was found, its pose and how that fits.
+/// Places a view by its landmarks in the map: the resection, its pose or the mirrored one, and the fit.
 pub fn place_view(
     problem: &Problem,
     map: &Map,
@@ -37,7 +37,7 @@ pub fn place_view(
     }
 }
 
-/// A landmark from the views that have a pose: where their rays meet, and how that fits.
+/// Places a landmark by its views in the map: where their rays meet, and the fit.
 pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(Point2<f64>, Fit)> {
     let rays = map.rays(problem, landmark);
     rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1)?;
@@ -61,7 +61,7 @@ pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(
     }
 }
 
-/// A place so many times the size of the map out along the mean ray of a landmark that two views see.
+/// A position `sizes` times the size of the map out along the mean ray of a landmark that at least two views see.
 pub fn far_out(
     problem: &Problem,
     map: &Map,
@@ -72,7 +72,7 @@ pub fn far_out(
     let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
     for (pose, s) in map.rays(problem, landmark) {
         let ray = ray(&pose, s);
-        // A line has two ends: those that go the same way.
+        // A bearing modulo pi points both ways: take the way of the sum.
         let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
         sum += if turned { -ray } else { ray };
         from += pose.translation.vector;

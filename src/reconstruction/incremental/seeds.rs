@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Where maps begin: well conditioned triples of views.
+//! Seeds of maps: well-conditioned triples of views.
 
 use super::super::options::SolveOptions;
 use super::super::search::triples::{self, are_rivals, common_bearings};
@@ -43,7 +43,7 @@ pub fn seeds(problem: &Problem, options: &SolveOptions) -> Result<Vec<[usize; 3]
     }
 }
 
-/// The poses of a seed: one map, or two where the signs of the bearings leave both branches possible.
+/// The poses of a seed: one map, or two where the signs of the bearings do not decide between the branches.
 pub fn begin(problem: &Problem, views: [usize; 3]) -> Vec<Map> {
     let (triples, _) = common_bearings(problem, views);
     let Ok(solution) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {

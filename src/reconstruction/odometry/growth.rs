@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! First maps along the odometry: pieces that grow view by view, and are then laid over each other.
+//! Initial maps along the odometry: pieces that grow view by view and are then joined.
 //!
-//! Views that odometry ties together make a piece. It grows along its odometry, its landmarks are placed by what has
-//! been reached so far, and it is refined now and then, so that it never drifts far. Pieces that share landmarks are
-//! then joined, whatever frame each has. How a view, a landmark and the joint are estimated is up to a
-//! [`Placement`]: by least squares, or robustly where bearings may be wrong.
+//! Views connected by odometry form a piece. It grows along its odometry, its landmarks are placed by the views
+//! reached so far, and it is refined at intervals, so that it never drifts far. Pieces that share landmarks are then
+//! joined by a similarity. A [`Placement`] decides how views and landmarks are placed and pieces joined: by least
+//! squares, or robustly where bearings may be outliers.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, report_progress};
@@ -20,28 +20,28 @@ use nalgebra::Point2;
 
 /// How the parts of a growing piece are estimated.
 pub trait Placement {
-    /// The map of what is known beforehand, in the frame of the priors; `None` where nothing is.
+    /// What the priors determine, in their frame; `None` when that is nothing.
     fn known(&self) -> Option<Map> {
         None
     }
 
-    /// Options of the refinements on the way.
+    /// Options of the refinements during growth.
     fn refine_options(&self) -> RefineOptions;
 
-    /// At how many views a piece of `count` views is refined the next time.
+    /// Number of views at which a piece that now has `count` is refined next.
     fn next_refinement(&self, count: usize) -> usize;
 
-    /// The pose at the end of a motion, given that at its start.
+    /// The pose at the end of a motion, given the pose at its start.
     fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64>;
 
-    /// Places new landmarks that a view sees, unless they wait for the next refinement.
+    /// Places the new landmarks of a view. By default they wait for the next refinement.
     fn place_landmarks_of(&mut self, _map: &mut Map, _view: usize) {}
 
-    /// Places all landmarks anew; one whose rays do not determine it has to wait.
+    /// Places all landmarks again, leaving out those that their rays do not determine.
     fn place_landmarks(&mut self, map: &mut Map);
 
-    /// A view that no odometry reaches, with its pose by the landmarks of the piece; `None` when there is none, or it
-    /// is better placed once all pieces are joined.
+    /// A view that odometry does not reach, with its pose by resection; `None` when there is none, or when such views
+    /// are placed only once all pieces are joined.
     fn next_apart(&self, _map: &Map) -> Option<(usize, Pose<f64>)> {
         None
     }
@@ -49,16 +49,16 @@ pub trait Placement {
     /// Places the landmarks of a piece after its last refinement.
     fn finish_piece(&mut self, _map: &mut Map) {}
 
-    /// Two pieces as one, given the landmarks that they share, in the second and in the first; `None` when
-    /// these do not fix how they lie.
+    /// Joins two pieces by their shared landmarks; `None` when these do not determine the similarity between
+    /// them.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map>;
 
-    /// Whether the whole is refined each time a piece has been joined.
+    /// Whether the whole is refined after each join.
     fn refines_joined(&self) -> bool {
         false
     }
 
-    /// Adds to a map of joined pieces what its landmarks place.
+    /// Adds to a map of joined pieces the views and landmarks that it determines.
     ///
     /// # Errors
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
@@ -68,8 +68,8 @@ pub trait Placement {
 /// The position of a landmark in the second of two pieces, and in the first.
 pub type Shared = (Point2<f64>, Point2<f64>);
 
-/// Maps along the odometry and from what is known besides bearings, the one with most views first; those after
-/// it share too few landmarks with it. None where there is no odometry and nothing is known.
+/// Maps along the odometry and from priors, the one with most views first; the others share too few landmarks
+/// with it to be joined. Empty when there is no odometry and priors determine nothing.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
@@ -93,7 +93,7 @@ pub fn grow_along_odometry(
         growth.extend(&mut known)?;
         pieces.push(known);
     }
-    // From the view that sees most; of equals the first.
+    // Start from the view that sees most landmarks, the first of equals.
     let mut order: Vec<usize> = (0..problem.views()).collect();
     order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
     for root in order {
@@ -105,12 +105,12 @@ pub fn grow_along_odometry(
             pieces.push(piece);
         }
     }
-    // What is in the frame of the priors stays first, so that the others are moved into it.
+    // The piece in the frame of the priors stays first, so that the others are moved into that frame.
     pieces[usize::from(fixed)..].sort_by_key(|map| core::cmp::Reverse(size(map)));
     growth.join_all(pieces)
 }
 
-/// A growth under way.
+/// The state of the growth.
 struct OdometryGrowth<'a, 'p, P> {
     problem: &'a Problem,
     motions: Motions,
@@ -120,7 +120,7 @@ struct OdometryGrowth<'a, 'p, P> {
 }
 
 impl<P: Placement> OdometryGrowth<'_, '_, P> {
-    /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.
+    /// Grows a piece from the views that it has, along its odometry, and by resection where odometry ends.
     fn extend(&mut self, map: &mut Map) -> Result<(), Error> {
         let mut waiting: VecDeque<usize> = (0..map.poses.len())
             .filter(|&view| map.poses[view].is_some())
@@ -157,7 +157,7 @@ impl<P: Placement> OdometryGrowth<'_, '_, P> {
         Ok(())
     }
 
-    /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
+    /// Places all landmarks again and refines for a few iterations. What cannot be refined yet stays unchanged.
     fn refine_partial(&mut self, map: &mut Map) -> Result<(), Error> {
         self.placement.place_landmarks(map);
         let options = self.placement.refine_options();
@@ -169,7 +169,7 @@ impl<P: Placement> OdometryGrowth<'_, '_, P> {
         let mut trial = map.clone();
         let mut observer = |_, _| report_progress(self.progress, "odometry", done, all);
         if attempt(self.problem, &mut trial, &options, Some(&mut observer))?.is_some() {
-            // What was pruned may be reached later.
+            // Keep what was pruned: it may be determined later.
             for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
                 *place = refined.or(*place);
             }
@@ -180,8 +180,8 @@ impl<P: Placement> OdometryGrowth<'_, '_, P> {
         Ok(())
     }
 
-    /// Lays pieces over the first, the one with most shared landmarks next; what cannot be joined makes maps of
-    /// its own.
+    /// Joins pieces to the first, at each step the one that shares most landmarks; those that share too few become
+    /// maps of their own.
     fn join_all(&mut self, mut pieces: Vec<Map>) -> Result<Vec<Map>, Error> {
         let mut done = Vec::new();
         while !pieces.is_empty() {
@@ -208,7 +208,7 @@ fn size(map: &Map) -> usize {
     map.poses.iter().flatten().count()
 }
 
-/// The piece that shares most landmarks with a map, and these, if they are enough.
+/// The piece that shares most landmarks with a map, and these landmarks; `None` when fewer than `enough`.
 fn closest(map: &Map, pieces: &[Map], enough: usize) -> Option<(usize, Vec<Shared>)> {
     let shared = |piece: &Map| -> Vec<Shared> {
         let pairs = piece.landmarks.iter().zip(&map.landmarks);
@@ -219,8 +219,8 @@ fn closest(map: &Map, pieces: &[Map], enough: usize) -> Option<(usize, Vec<Share
     best.filter(|(_, shared)| shared.len() >= enough)
 }
 
-/// The first map with what the second has beyond it, moved by the similarity that fits some shared landmarks;
-/// `None` when they do not fix one.
+/// The first map extended by what only the second has, moved by the similarity that fits the given shared
+/// landmarks; `None` when they do not determine one.
 pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
     let (source, target): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     let moved = second.transformed(&align(&source, &target).ok()?);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Growth along odometry by least squares: motions as they are, rays triangulated, priors where there are any.
+//! Growth along odometry by least squares: views by dead reckoning, landmarks by priors or triangulation.
 
 use super::super::grow::{grow, resect_view};
 use super::super::robust::motions::OdometryLink;
@@ -46,10 +46,10 @@ impl<'a> LeastSquaresPlacement<'a> {
         }
     }
 
-    /// Triangulates anew every landmark without a prior whose rays have more than this parallax.
+    /// Triangulates again every landmark without a prior whose rays have more than this parallax.
     ///
-    /// A landmark that was first seen over a short distance may have come out anywhere; once its views are
-    /// refined it need not stay there.
+    /// A landmark that was first seen over a short baseline may have been placed anywhere; its views are
+    /// better known after a refinement.
     fn triangulate(&self, map: &mut Map, parallax: f64) {
         for landmark in (0..self.known.len()).filter(|&landmark| !self.known[landmark]) {
             let rays = map.rays(self.problem, landmark);
@@ -101,7 +101,7 @@ impl Placement for LeastSquaresPlacement<'_> {
         self.triangulate(map, self.min_parallax);
     }
 
-    /// The view that sees most of what there is.
+    /// The view not yet placed that sees most landmarks of the map.
     fn next_apart(&self, map: &Map) -> Option<(usize, Pose<f64>)> {
         let unseen = (0..map.poses.len()).filter(|&view| map.poses[view].is_none());
         let (_, view) = unseen

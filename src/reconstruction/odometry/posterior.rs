@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maximum a posteriori: bearings with odometry and priors, from several starts.
 //!
-//! One start grows along the odometry and from what is known; another is the map from bearings alone, moved
-//! to where odometry and priors want it. The lower cost wins: the result is never worse than without the odometry.
-//! Where outliers are expected the first start is one that they do not spoil, and the search from bearings alone,
-//! whose work is quadratic in the views, is left out where it could place only a few of many views.
+//! One start grows along the odometry and from priors; another is the map from bearings alone, aligned to
+//! odometry and priors. The lower cost wins: the result is never worse than without the odometry.
+//! Where outliers are expected the first start is a robust one, and the search from bearings alone, whose work is
+//! quadratic in the views, is skipped where it could place only a few of many views.
 
 use super::super::attempt::recoverable;
 use super::super::infinity::drop_landmarks_at_infinity;
@@ -25,7 +25,7 @@ use alloc::vec::Vec;
 /// Poses and landmarks of a problem with odometry or priors.
 ///
 /// # Errors
-/// As [`solve`], when neither start comes to a map.
+/// As [`solve`], when no start leads to a map.
 ///
 /// # Reference
 /// Dellaert and Stroupe, ICRA 2002, section 2.2.
@@ -51,8 +51,8 @@ pub fn solve_posterior(
             attempts.refine_fitted(start)?;
         }
     }
-    // By squares most maps grow best, whatever the loss that they are refined with; where a few bearings are
-    // wrong, with a loss that they do not bend.
+    // Most maps grow best with squared loss, whatever the loss of the final refinement; with a few outliers,
+    // Cauchy's loss is better.
     for loss in [Loss::Squared, Loss::Cauchy(Loss::<f64>::CAUCHY)] {
         if attempts.suffice() {
             break;
@@ -85,7 +85,7 @@ pub fn solve_posterior(
     if options.robust {
         refuse_minority(&attempts.found[0], &stages.judge)?;
     }
-    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
+    // Starts that share no view with the maps so far give components of their own.
     for start in &starts {
         if attempts
             .found
@@ -110,7 +110,7 @@ const NOTHING: Error = Error::Degenerate {
     bound: 1.0,
 };
 
-/// Starts that are refined, and what has come of them.
+/// The starts refined so far and their results.
 struct Attempts<'a, 'p> {
     problem: &'a Problem,
     options: &'a SolveOptions,
@@ -118,12 +118,12 @@ struct Attempts<'a, 'p> {
     many: bool,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
-    /// Why the last failed refinement failed.
+    /// The error of the last refinement that failed.
     failure: Error,
 }
 
 impl Attempts<'_, '_> {
-    /// Whether no other start is wanted.
+    /// Whether the maps so far make further starts unnecessary.
     fn suffice(&self) -> bool {
         let plausible = if self.options.robust {
             is_plausible_consensus
@@ -134,13 +134,13 @@ impl Attempts<'_, '_> {
         self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
-    /// Refines a start, moved as a whole to where odometry and priors want it.
+    /// Refines a start after aligning it as a whole to odometry and priors.
     fn refine_fitted(&mut self, start: &Map) -> Result<(), Error> {
         let start = aligned_to_priors(self.problem, start);
         self.refine(&start)
     }
 
-    /// Refines a start and keeps what comes of it.
+    /// Refines a start and keeps the result.
     fn refine(&mut self, start: &Map) -> Result<(), Error> {
         if self.options.robust {
             let found = robust_start::from_start(self.problem, start, self.options, self.progress)?;
@@ -166,8 +166,8 @@ impl Attempts<'_, '_> {
         Ok(())
     }
 
-    /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where these weigh
-    /// next to nothing, that may lead lower.
+    /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
+    /// priors have hardly any weight, that may lead to a lower cost.
     fn refine_from_bearings(&mut self) -> Result<(), Error> {
         let alone = self.problem.clone().bearings_only();
         let best = if self.options.robust {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Starts along the odometry that outliers do not spoil, and what they lead to.
+//! Robust starts along the odometry, and their refinement.
 //!
-//! A view may see two or three landmarks only, too few to place it without odometry, and one wrong ray in a hundred
-//! is enough to spoil a triangulation by least squares. So each view is placed by its motion and its bearings
-//! together, each bearing counting the less the worse it fits, and a landmark is where most of its rays meet.
+//! A view may see only two or three landmarks, too few for a robust resection, and one outlier in a hundred rays is
+//! enough to spoil a triangulation by least squares. So each view is placed by its motion and its bearings together,
+//! with a robust loss on the bearings, and each landmark where most of its rays meet.
 
 use super::super::grow::score;
 use super::super::options::{Progress, SolveOptions, report_progress};
@@ -26,12 +26,12 @@ use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Landmarks that lay one piece over another: as many as fix a similarity. No option: the size of an array.
+/// Landmarks in a sample for joining two pieces: two determine a similarity. Not an option: the size of an array.
 const FIXING: usize = 2;
 
 /// Maps along the odometry of a problem, the largest first; none where it has no odometry.
 ///
-/// Priors are not looked at: the maps are in frames of their own.
+/// Priors are ignored: each map has a frame of its own.
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
@@ -57,7 +57,7 @@ pub fn along_odometry(
     grow_along_odometry(problem, &mut placement, growth, progress)
 }
 
-/// The placement that outliers do not spoil.
+/// The robust placement.
 struct RobustPlacement<'a> {
     problem: &'a Problem,
     /// With a loss for the refinements on the way that outliers hardly move.
@@ -66,7 +66,7 @@ struct RobustPlacement<'a> {
 }
 
 impl RobustPlacement<'_> {
-    /// Puts a landmark where most of its rays meet, if enough do and not too narrowly.
+    /// Places a landmark where most of its rays meet, if enough of them do and with enough parallax.
     fn place_landmark(&mut self, map: &mut Map, landmark: usize) {
         let StageOptions {
             robust: options,
@@ -131,7 +131,7 @@ impl Placement for RobustPlacement<'_> {
         }
     }
 
-    /// By the two shared landmarks with which most bearings agree, or by all of them if that is better.
+    /// By the pair of shared landmarks, or by all of them, whichever gives the joined map the best score.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
         let mut best: Option<(f64, Map)> = None;
         let mut offer = |pairs: &[Shared]| {
@@ -174,7 +174,7 @@ pub fn is_searchable(problem: &Problem, options: &RobustOptions) -> bool {
     2 * enough.count() > counts.filter(|&count| count > 0).count()
 }
 
-/// The map at the fixed point near a start, with odometry and priors; `None` when there is none.
+/// The map at the fixed point that a start leads to, with odometry and priors; `None` when there is none.
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Lower minima along the odometry.
+//! Sweeps along the odometry to lower minima.
 //!
-//! While a map grows, its views are placed by landmarks that are hardly known yet, and a stretch of views may be
-//! drawn to where a few wrong bearings and the odometry agree. Once all landmarks are known, the same views can be
-//! placed one after the other by all of them; a sweep from the other end places them differently where it matters.
+//! While a map grows, its views are placed by poorly determined landmarks, and a stretch of views may settle where a
+//! few outliers and the odometry agree. Once all landmarks are known, a sweep places all views again, one after the
+//! other, by all of their landmarks. Sweeps from the two ends give different poses where it matters.
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
@@ -30,13 +30,13 @@ pub fn cauchy_consensus(
         tolerance: options.stages.odometry_sweeps.cauchy_tolerance,
         ..options.refine
     };
-    // Where the whole cannot be refined, a part may still be.
+    // If the whole cannot be refined, its inliers may still be.
     attempt(problem, &mut map, &soft, None)?;
     to_consensus(problem, map, options)
 }
 
-/// Places all views anew along the odometry, from its first view on and from its last, as long as that
-/// lowers the cost; then tries other bounds for the inliers.
+/// Places all views again along the odometry, forwards and backwards, as long as that lowers the cost; then
+/// tries other bounds for the inliers.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
@@ -79,8 +79,8 @@ pub fn sweep_odometry(
     Ok(best)
 }
 
-/// The views of a map placed one after the other along the odometry, by all of its landmarks; of each set of
-/// connected views the first, or the last, stays where it is.
+/// The views of a map placed one after the other along the odometry, by all of its landmarks. In each set of
+/// connected views the first view (the last if `backward`) keeps its pose.
 fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps: usize) -> Map {
     let views = problem.views();
     let mut result = Map::empty(views, 0);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! What a robust map minimises, and the way from a rough map to a fixed point of it.
+//! The truncated cost of a robust map, and the descent from a rough map to a fixed point.
 //!
-//! The bounded cost is half the sum of squared residuals over sigma, none of which counts for more than an outlier's.
-//! Refinement and choice of the inliers in turn never raise it; they end where the inliers of the refined map are
-//! those that it was refined to.
+//! The truncated cost is half the sum of squared residuals over sigma, each at most that of an outlier. Alternating
+//! refinement and selection of the inliers never raises it. It ends at a fixed point: the inliers of the refined map
+//! are those that it was refined from.
 
 use super::super::attempt::attempt;
 use super::super::judge::{JudgeOptions, same};
@@ -17,11 +17,11 @@ use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
-/// Standard deviations beyond which a bearing is an outlier. No option: it defines the cost.
+/// Number of standard deviations beyond which a bearing is an outlier. Not an option: it defines the cost.
 pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 
-/// A cost is lower when it is by more than this part: the tolerance of the refinement and more. No option: two costs
-/// nearer to each other are equal but for rounding.
+/// A cost is lower than another only when it is below this fraction of it, a wider margin than the tolerance of the
+/// refinement. Not an option: closer costs are equal up to rounding.
 const LOWER: f64 = 1.0 - 1e-9;
 
 /// A map at a fixed point: the refinement of its inliers.
@@ -29,7 +29,7 @@ const LOWER: f64 = 1.0 - 1e-9;
 pub struct Consensus {
     pub map: Map,
     pub inliers: Vec<bool>,
-    /// Half the sum of squares, those of outliers bounded.
+    /// Half the sum of squares, those of outliers truncated.
     pub cost: f64,
     pub report: Report,
 }
@@ -58,8 +58,8 @@ pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = O
         })
 }
 
-/// Half the sum of the squares, each at most that of `bound`, which is also what a sighting counts that the map does
-/// not reach. Odometry and priors count in full.
+/// Half the sum of the squares, each at most that of `bound`, which also counts for a sighting whose view or
+/// landmark is not in the map. Odometry and priors count in full.
 pub fn cost(problem: &Problem, map: &Map, bound: f64) -> f64 {
     let most = bound * bound;
     let bearings = squares(problem, map).fold(0.0, |sum, square| {
@@ -76,7 +76,7 @@ pub fn inliers(problem: &Problem, map: &Map, bound: f64) -> Vec<bool> {
         .collect()
 }
 
-/// Refines what a map explains to within `bound`. Views and landmarks that this leaves without enough
+/// Refines a map from its inliers within `bound`. Views and landmarks that are left without enough
 /// sightings are dropped.
 ///
 /// A map that cannot be refined stays as it is.
@@ -158,7 +158,7 @@ pub fn to_consensus(
 }
 
 impl Consensus {
-    /// The result of a plain solve of the inliers of its map.
+    /// From the result of a non-robust solve.
     pub fn of(problem: &Problem, found: Reconstruction) -> Self {
         Self {
             inliers: inliers(problem, &found.map, OUTLIER),
@@ -174,8 +174,8 @@ impl Consensus {
         }
     }
 
-    /// Whether two fixed points are nearly the same: of the sightings that one of them explains, so
-    /// many in a hundred are explained by both.
+    /// Whether two fixed points have nearly the same inliers: at least this percentage of the inliers of
+    /// either are inliers of both.
     pub fn agrees(&self, other: &Self, percent: usize) -> bool {
         let (mut both, mut either) = (0, 0);
         for (&a, &b) in self.inliers.iter().zip(&other.inliers) {

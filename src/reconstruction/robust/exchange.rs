@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Single sightings, and pairs, that change from inlier to outlier or back.
 //!
-//! An outlier with much leverage has bent the map until it fits: its residual is small, and that of the
-//! good bearing that contradicts it is large. What the residuals would be without it is predicted to
-//! first order.
+//! An outlier with high leverage bends the map until it fits: its residual is small, and that of a good
+//! bearing that contradicts it is large. Leverage predicts, to first order, what the residuals would be
+//! without it.
 
 use super::super::options::SolveOptions;
 use super::consensus::{Consensus, OUTLIER, fixed_point};
@@ -16,8 +16,8 @@ use alloc::vec::Vec;
 
 /// Changes single sightings from inlier to outlier or back, as long as that lowers the cost.
 ///
-/// The residual that a sighting would have after the change follows from its leverage, (T29); the changes
-/// that promise most are tried.
+/// The residual that a sighting would have after the change follows from its leverage, (T29); the most
+/// promising changes are tried.
 ///
 /// # Errors
 /// Those of the refinement.
@@ -48,13 +48,13 @@ pub fn exchange(
     Ok(best)
 }
 
-/// Sets of sightings, one or two, whose change of sides may lower the cost; the most promising first.
+/// Sets of one or two sightings whose change may lower the cost, the most promising first.
 fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Vec<Vec<usize>> {
     let Some(influence) = Leverage::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };
     let most = OUTLIER * OUTLIER;
-    // Adding has the sign 1, leaving out -1.
+    // 1 to add a sighting, -1 to remove it.
     let sign = |k: usize| if best.inliers[k] { -1.0 } else { 1.0 };
     let change = |sign: f64, residual: f64, leverage: f64| {
         let spread = (1.0 + sign * leverage).max(f64::EPSILON);
@@ -75,7 +75,7 @@ fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Ve
         if alone < worth {
             found.push((alone, vec![k]));
         }
-        // Leaving out an inlier costs at most what an outlier costs; beyond that no second change pays.
+        // Removing an inlier costs at most what an outlier costs; beyond that no second change pays.
         if alone > most {
             continue;
         }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From three views to a whole map, with bearings that may be wrong.
+//! Robust growth from three views to a whole map.
 
 use super::super::options::SolveOptions;
 use super::consensus::descend;
@@ -12,8 +12,8 @@ use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
 
-/// Grows a map from a seed by resection and triangulation in turn, refined in between; the views on
-/// which most landmarks agree come first, half as many at a time as there are.
+/// Grows a map from a seed by resection and triangulation in turn, refined in between. The views with most
+/// inliers come first; a round adds at most half as many views as the map has.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.

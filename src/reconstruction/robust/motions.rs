@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! One view against its neighbours in the odometry and the landmarks of the map.
+//! Cost and placement of one view by its odometry and the landmarks of the map.
 
 use super::consensus::{OUTLIER, square};
 use crate::geometry::{Pose, pose};
@@ -8,11 +8,11 @@ use crate::problem::{Map, Prior, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-/// A motion from a view, as the pose of its other end in its frame.
+/// A motion from a view: the pose of the other end in the frame of the view.
 pub struct OdometryLink {
     pub end: usize,
     pub delta: Pose<f64>,
-    /// The root of the information, in the frame of `end` if that is where it was measured.
+    /// Square root of the information, in the frame of the end of the motion as it was measured.
     root: Matrix3<f64>,
     forward: bool,
 }
@@ -55,8 +55,8 @@ impl Motions {
         &self.of[view]
     }
 
-    /// Twice the cost of a view at a pose while nothing else moves: the squares of its motions to other views of the
-    /// map, and of its sightings, each at most that of an outlier.
+    /// Twice the cost of a view at a pose with everything else fixed: the squares of its motions to other views of
+    /// the map, and of its sightings, the latter each at most that of an outlier.
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
         let most = OUTLIER * OUTLIER;
         let mut cost = 0.0;
@@ -82,11 +82,11 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
     Vector3::new(place.x, place.y, pose.rotation.angle())
 }
 
-/// The pose at the end of a motion from a known pose: the least of its square and of Cauchy's loss of the
-/// bearings of what the map has.
+/// The pose at the end of a motion from a known pose. It minimises the square of the motion's error plus
+/// Cauchy's loss of the bearings to landmarks in the map.
 ///
-/// At most `steps` of Gauss-Newton. The motion is weighed in the frame of its end whichever way it was measured: between the two it hardly
-/// turns.
+/// At most `steps` Gauss-Newton steps. The error is weighted in the frame of this end, whichever way the motion
+/// was measured: the heading hardly changes between the two ends.
 pub fn moved(
     problem: &Problem,
     map: &Map,

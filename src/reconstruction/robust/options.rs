@@ -10,83 +10,84 @@ use crate::problem::MIN_LANDMARKS_OF_VIEW;
 pub struct RobustOptions {
     /// Triples of views that samples are drawn from in a round.
     pub triples: usize,
-    /// Samples of each: when three bearings in ten are wrong, three samples in a hundred are good.
+    /// Samples of each triple. With 30 % outliers one sample in 200 is free of them, three in a round.
     pub samples: usize,
     /// Seeds that are grown in a round.
     pub grown: usize,
-    /// Most rounds: all of them take a second or two at 12 x 15, where half of the bearings are wrong.
+    /// Maximum number of rounds: all of them take a second or two for 12 views and 15 landmarks with 50 % outliers.
     pub rounds: usize,
-    /// Most triples in all; rounds beyond them draw new samples of the same.
+    /// Maximum number of triples in all; later rounds draw new samples from the same triples.
     pub all_triples: usize,
-    /// Good samples that are wanted before the search ends without a confirmation: not every one is exact enough to
-    /// lead to the map.
+    /// Expected number of outlier-free samples after which the search ends without a confirmation. Not every such
+    /// sample is accurate enough to lead to the map.
     pub good_samples: f64,
-    /// Two maps confirm each other when they share so many in a hundred of their inliers.
+    /// Two maps confirm each other when they share this percentage of their inliers.
     pub confirming_percent: usize,
-    /// The lowest minima in which sightings are exchanged before the best is chosen: one with a higher cost may end
-    /// lowest.
+    /// Number of lowest minima in which sightings are exchanged before the best is chosen: another than the lowest
+    /// may end lowest.
     pub exchanged: usize,
     /// Another minimum is a rival when its cost is higher by no more than this: that of two outliers.
     pub rival_cost: f64,
-    /// Plain hypotheses that are refined when no three views share enough landmarks for a sample.
+    /// Non-robust hypotheses that are refined when no three views share enough landmarks for a sample.
     pub plain_hypotheses: usize,
 
-    /// Sampson's residual over its standard deviation up to which a landmark agrees with the tensor of a sample,
-    /// which is no better than its five landmarks.
+    /// Sampson error over its standard deviation up to which a landmark agrees with the tensor of a sample. Wide,
+    /// because that tensor is no better than its five landmarks.
     pub sample_bound: f64,
-    /// The same for tensors estimated from more and more of the landmarks that agree.
+    /// The same for tensors re-estimated from the landmarks that agree, round by round.
     pub narrower_bounds: [f64; 3],
-    /// Samples of a triple that are estimated anew from all that agrees with them.
+    /// Best samples of a triple that are re-estimated from all landmarks that agree with them.
     pub kept_samples: usize,
 
-    /// Most smallest sets of sightings that are tried for each place that is asked for. When half of the sightings
-    /// are wrong, one in eight threes is good, and 64 miss them all once in 5000.
+    /// Maximum number of minimal samples of sightings that are tried for each requested place. With 50 % outliers one
+    /// sample of three in eight is good, and 64 miss them all once in 5000.
     pub sets: usize,
-    /// Agreeing sightings that two places may share by chance beyond those that fix them.
+    /// Inliers that two places may share by chance beyond those of a minimal sample.
     pub shared_by_chance: usize,
-    /// Rounds of estimation of a place from all that agrees with it.
+    /// Rounds of re-estimation of a place from all sightings that agree with it.
     pub place_rounds: usize,
 
-    /// Within this a bearing agrees with a map that is still growing: it comes from few bearings, and its errors are
-    /// several times theirs.
+    /// Bound within which a bearing agrees with a growing map: few bearings determine it, so its errors are several
+    /// times theirs.
     pub growing_bound: f64,
-    /// Sightings of a new view that must agree: one more than fix it.
+    /// Sightings of a new view that must agree: one more than determine it.
     pub agreeing_of_view: usize,
-    /// Sightings of a new landmark that must agree: one more than fix it.
+    /// Sightings of a new landmark that must agree: one more than determine it.
     pub agreeing_of_landmark: usize,
-    /// Iterations of each refinement while a map grows: it only has to be better than its parts.
+    /// Iterations of each refinement while a map grows: it need not converge.
     pub growing_iterations: usize,
 
-    /// Bounds on the way from a growing map to the final one.
+    /// Bounds that lead from that of a growing map to the final one.
     pub narrowing_bounds: [f64; 2],
     /// Iterations of refinement at each of them.
     pub narrowing_iterations: usize,
-    /// Most changes of the set of inliers. Each lowers the cost, so they end by themselves, after two or three as a
-    /// rule.
+    /// Maximum number of changes of the set of inliers. Each lowers the cost, so they end by themselves, usually after
+    /// two or three.
     pub inlier_changes: usize,
 
     /// An exchange is tried when it is predicted to raise twice the cost by no more than this, which is within the
     /// error of the prediction.
     pub promising: f64,
-    /// Exchanges that are tried before the best is given up.
+    /// Exchanges that are tried without success before the stage ends.
     pub exchange_tries: usize,
-    /// Most exchanges that succeed.
+    /// Maximum number of successful exchanges.
     pub exchange_successes: usize,
 
-    /// Most steps of Gauss-Newton for one view along its motion; its three unknowns need a few.
+    /// Maximum number of Gauss-Newton steps for one view along its motion; three unknowns need a few.
     pub motion_steps: usize,
 
     /// Bounds within which views and landmarks are reassigned: the final one, and that of a growing map.
     pub reassign_bounds: [f64; 2],
-    /// Places of each view and landmark that are looked at.
+    /// Candidate places of each view and landmark.
     pub places: usize,
-    /// By how many outliers such a place may be worse as long as nothing else moves.
+    /// How much worse such a place may be with everything else fixed, in costs of an outlier.
     pub worse_outliers: f64,
     /// Places that are tried in a round, the most promising first.
     pub reassign_tries: usize,
-    /// Sightings that must change sides where odometry ties the views: each try then moves hundreds of views.
+    /// With odometry, sightings that must change between inlier and outlier: each try then moves hundreds of views.
     pub changes_with_odometry: usize,
-    /// Most rounds of reassigning, and of estimating each anew: each lowers the cost, so they end by themselves.
+    /// Maximum number of rounds of reassigning, and of re-estimating each: each lowers the cost, so they end by
+    /// themselves.
     pub reassign_rounds: usize,
 }
 

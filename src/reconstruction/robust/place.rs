@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! One view or one landmark against the rest of the map, when some of its sightings are wrong.
+//! Robust placement of one view or one landmark in a map.
 //!
-//! The smallest sets of sightings that fix it are tried, three for a view and two for a landmark; the
-//! one with the least bounded cost is estimated anew from all that agrees with it.
+//! Minimal samples of its sightings are tried, three for a view and two for a landmark; the place with the
+//! least truncated cost is re-estimated from all sightings that agree with it.
 
 use super::consensus::square;
 use super::options::RobustOptions;
@@ -17,11 +17,11 @@ use rand_chacha::ChaCha8Rng;
 /// A place for a view or a landmark.
 pub struct Placed<P> {
     pub place: P,
-    /// The sum of the squares of its sightings, none of which counts for more than that of the bound.
+    /// Sum of the squared residuals of its sightings, each truncated at the bound.
     pub cost: f64,
-    /// Which of its sightings agree with it, among those whose other end is in the map.
+    /// Which of its sightings agree with it, among those to views or landmarks in the map.
     pub agreeing: Vec<bool>,
-    /// Whether it is the one that the map has already.
+    /// Whether it is the present place in the map.
     pub present: bool,
 }
 
@@ -49,7 +49,7 @@ pub fn sets<const N: usize>(
         let mut set: [usize; N] = core::array::from_fn(|k| k);
         loop {
             visit(set);
-            // The last place that can move on; those behind it follow.
+            // The last index that can advance; those behind it follow.
             let Some(place) = (0..N).rev().find(|&k| set[k] < count - N + k) else {
                 return;
             };
@@ -62,7 +62,7 @@ pub fn sets<const N: usize>(
     for _ in 0..most {
         let mut set = [0; N];
         for k in 0..N {
-            // One of those that are left, counted past those that are taken.
+            // Draw among the indices that are left, skipping those that are taken.
             let mut pick = random.random_range(0..count - k);
             set[..k].sort_unstable();
             for &taken in &set[..k] {
@@ -75,9 +75,9 @@ pub fn sets<const N: usize>(
 }
 
 /// Up to `count` poses of a view with which different sightings agree to within `bound` standard
-/// deviations, the best first. The pose that it has is one to start with.
+/// deviations, the best first. The present pose is one of the candidates.
 ///
-/// None when it sees fewer than three landmarks of the map.
+/// Empty when it sees fewer than three landmarks of the map.
 pub fn place_view(
     problem: &Problem,
     map: &Map,
@@ -200,8 +200,8 @@ where
         }
     }
 
-    /// Takes a place that is among the best: of those with which the same sightings agree, the best one,
-    /// or the present one, which only the rest of the map can make better.
+    /// Keeps a place that is among the best. Of places with the same inliers it keeps the best, or the
+    /// present one, which the refinement of the map has already optimised.
     fn offer(&mut self, place: P, present: bool) {
         let Some(worst) = self.count.checked_sub(1) else {
             return;
@@ -239,9 +239,9 @@ where
         self.places.truncate(self.count);
     }
 
-    /// Whether only the best place is asked for and so many of all sightings agree with the present one
-    /// that none could be better: the sightings that agree with another place are among the rest, apart from
-    /// about as many as fix it.
+    /// Whether only the best place is requested and so many sightings agree with the present one that none
+    /// could be better: another place shares few more inliers with it than a minimal sample, and its others
+    /// are among the remaining sightings.
     fn is_beyond_doubt(&self, all: usize, fixing: usize) -> bool {
         let present = self.places.first();
         self.count == 1
@@ -250,7 +250,7 @@ where
             })
     }
 
-    /// Each place estimated anew from the sightings that agree with it, as long as it gets better.
+    /// Re-estimates each place from the sightings that agree with it, and keeps what is better.
     fn improved(mut self, estimate: impl Fn(&[bool]) -> Option<P>) -> Vec<Placed<P>> {
         for _ in 0..self.options.place_rounds {
             let better: Vec<P> = self

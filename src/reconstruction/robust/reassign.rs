@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Views and landmarks assigned to other places.
+//! Reassignment of views and landmarks to other places.
 
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, to_consensus};
@@ -13,7 +13,7 @@ use alloc::vec::Vec;
 use nalgebra::Point2;
 use rand_chacha::ChaCha8Rng;
 
-/// Moves all views and landmarks to where most agrees with them, as long as that lowers the cost.
+/// Moves all views and landmarks to where most sightings agree, as long as that lowers the cost.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
@@ -26,7 +26,7 @@ pub fn reestimate_each(
 ) -> Result<Consensus, Error> {
     let robust = &options.stages.robust;
     let motions = Motions::new(problem);
-    // Bearings alone know nothing of the motions of a view.
+    // `place_view` ignores odometry: compare with the motions of the view included.
     let is_better = |map: &Map, view: usize, place: &Pose<f64>| {
         let cost_at = |at: &Pose<f64>| motions.cost(problem, map, view, at);
         let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
@@ -133,14 +133,14 @@ fn moves(
 ) -> Vec<(f64, Move)> {
     let mut found: Vec<(f64, f64, Move)> = Vec::new();
     let motions = Motions::new(problem);
-    // With odometry, where each try moves hundreds of views, one sighting more or less is not worth it.
+    // With odometry, where each try moves hundreds of views, one sighting more or less is not worth a try.
     let least = if problem.priors().is_empty() {
         1
     } else {
         options.changes_with_odometry
     };
     for bound in options.reassign_bounds {
-        // Views with motions find their places along these.
+        // Views with odometry are placed by its sweeps instead.
         for view in (0..problem.views()).filter(|&view| motions.of(view).is_empty()) {
             let places = place_view(problem, map, view, bound, options.places, options, random);
             let places = others(places, bound, least, options.worse_outliers);
@@ -170,8 +170,8 @@ fn moves(
         .collect()
 }
 
-/// Places other than the present one, with which at least so many sightings agree that do not with that, or the
-/// reverse, and by how many outliers they are worse, if not by too many.
+/// Places other than the present one whose inliers differ from its inliers in at least `least` sightings, and
+/// how much worse they are in costs of an outlier, where that is less than `worse`.
 fn others<P>(
     places: Vec<Placed<P>>,
     bound: f64,

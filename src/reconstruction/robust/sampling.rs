@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Random samples: five landmarks of three views, and what else agrees with them.
+//! Random minimal samples, five landmarks of three views, and the landmarks that agree with them.
 //!
-//! The trilinear relation (T1) knows bearings modulo pi only, so a bearing that is off by pi is no
-//! outlier here; signs come later.
+//! The trilinear relation (T1) depends on bearings modulo pi only, so a bearing that is off by pi is no
+//! outlier here; signs are checked later.
 
 use super::super::search::triples::common_bearings;
 use super::options::RobustOptions;
@@ -12,7 +12,7 @@ use alloc::vec::Vec;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Landmarks of a sample. No option: the fewest that fix the tensor.
+/// Landmarks of a sample. Not an option: the minimum that determines the tensor.
 pub const SAMPLE: usize = 5;
 
 /// Three views and the landmarks that they share.
@@ -20,18 +20,18 @@ pub struct Common {
     pub views: [usize; 3],
     landmarks: Vec<usize>,
     triples: Vec<Triple<f64>>,
-    /// Of the three bearings of each.
+    /// Variances of the three bearings of each landmark.
     variances: Vec<[f64; 3]>,
 }
 
-/// Three views whose motion a consensus of landmarks has given.
+/// Three views with the motion that a consensus of landmarks supports.
 pub struct Seed {
     pub views: [usize; 3],
     /// The landmarks that agree, modulo pi.
     pub landmarks: Vec<usize>,
     /// Both motions, the likelier first.
     pub motions: [Motion<f64>; 2],
-    /// Landmarks that agree, each counted the less the worse it fits.
+    /// Number of landmarks that agree, each weighted by how well it fits.
     pub support: f64,
 }
 
@@ -77,7 +77,7 @@ impl Common {
             .filter(move |&k| tensor.sampson_square(&self.triples[k], &self.variances[k]) <= most)
     }
 
-    /// The best of some random samples, estimated anew from all landmarks that agree.
+    /// The best of some random samples, re-estimated from all landmarks that agree.
     ///
     /// `None` when no sample has a motion.
     pub fn best_seed(&self, options: &RobustOptions, random: &mut ChaCha8Rng) -> Option<Seed> {
@@ -108,7 +108,7 @@ impl Common {
             .and_then(|(support, tensor)| self.seed(&tensor, support, options.sample_bound))
     }
 
-    /// Estimates a tensor anew from what agrees with it, within narrower and narrower bounds.
+    /// Re-estimates a tensor from the landmarks that agree with it, within ever narrower bounds.
     fn improve(
         &self,
         mut tensor: CalibratedTensor<f64>,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The map that explains most of the bearings, and which these are.
+//! The map that explains most of the bearings, and its inliers.
 
 use super::super::attempt::recoverable;
 use super::super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
@@ -23,11 +23,11 @@ use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Largest standard deviation with which outliers can be identified \[rad\]: three of them to both sides are a
-/// third of the circle, so every third random bearing would be an inlier. No option: a bound of the method.
+/// Largest standard deviation \[rad\] with which outliers can be identified: three sigma to both sides cover a
+/// third of the circle, so every third random bearing would be an inlier. Not an option: a bound of the method.
 const COARSEST: f64 = 0.35;
 
-/// The map that explains most of the bearings, and which these are.
+/// The map that explains most of the bearings, and its inliers.
 ///
 /// # Errors
 /// As [`solve`], and [`Error::SigmaTooLarge`] for a standard deviation above [`COARSEST`].
@@ -151,7 +151,7 @@ fn lowest(
     exchanged(problem, found, options)
 }
 
-/// The best of some minima, once sightings have been exchanged in the lowest few.
+/// The best of some minima, after exchanging sightings in the lowest few.
 fn exchanged(
     problem: &Problem,
     found: Vec<(Consensus, [usize; 3])>,
@@ -182,14 +182,14 @@ fn confirms(
         .any(|(other, from)| *from != views && other.agrees(consensus, options.confirming_percent))
 }
 
-/// The share of samples without an outlier, going by those of a map: all bearings of five landmarks.
+/// Expected fraction of samples without an outlier, given the inliers of a map: all 15 bearings must be inliers.
 fn good_samples(best: &Consensus) -> f64 {
     let inliers = best.inliers.iter().filter(|inlier| **inlier).count();
     let share = inliers as f64 / best.inliers.len() as f64;
     (0..3 * SAMPLE).fold(1.0, |product, _| product * share)
 }
 
-/// The minimum that the plain hypotheses lead to, where problems are too small for samples.
+/// The minimum that non-robust hypotheses lead to, for problems too small for samples.
 fn from_plain_hypotheses(
     problem: &Problem,
     options: &SolveOptions,
@@ -235,7 +235,7 @@ fn branches<'a>(
     seed.motions.iter().take(1 + usize::from(rivals))
 }
 
-/// Lowers the best map as far as single changes go.
+/// Lowers the cost of the best map by single changes until none helps.
 fn improve(
     problem: &Problem,
     mut best: Consensus,
@@ -258,8 +258,8 @@ fn improve(
     }
 }
 
-/// The best map and its rivals after a plain search over the inliers: it finds the second motion of three views
-/// as well, and makes robust and plain solve agree on good bearings.
+/// The best map and its rivals after a non-robust search over the inliers, which also finds the mirror branch of
+/// three views, and makes robust and non-robust solves agree when there are no outliers.
 fn confirm_by_plain_search(
     problem: &Problem,
     best: Consensus,
@@ -285,7 +285,7 @@ fn confirm_by_plain_search(
         }
     }
     all.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    // Where they are the same, the map of the plain search is the one.
+    // Of equals the map of the non-robust search comes first.
     let first = all.first().is_none_or(|plain| best.is_below(plain));
     all.insert(if first { 0 } else { all.len() }, best);
     let stages = &options.stages;

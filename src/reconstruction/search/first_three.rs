@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The paper's path: first three views, fourth view decides, further views one by one.
+//! The method of Dellaert and Stroupe: the first three views, the fourth to choose the branch, the rest one by one.
 
 use super::super::grow::{grow, resect_view};
 use super::triples::common_bearings;
@@ -7,9 +7,9 @@ use crate::error::Error;
 use crate::kernels::{Method, Motion, three_view};
 use crate::problem::{Map, Problem};
 
-/// A map from the first three views that can start one, the others added in their order.
+/// A map from the first three views, the others added in their order.
 ///
-/// The two solutions of three views are told apart by the singular value of the resection of the
+/// The two solutions of three views are distinguished by the singular value of the resection of the
 /// fourth view; with three views only, or when they are equal, by the signs of the bearings.
 ///
 /// # Errors
@@ -50,7 +50,7 @@ pub fn initialize_from_first_three(problem: &Problem, method: Method) -> Result<
     for view in 3..problem.views() {
         map.poses[view] = resect_view(problem, &map, view).map(|found| found.0);
     }
-    // What the order of the views has left out.
+    // Add what could not be placed in the order of the views.
     grow(problem, &mut map);
     Ok(map)
 }

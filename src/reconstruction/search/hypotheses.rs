@@ -12,26 +12,26 @@ use crate::kernels::{CalibratedTensor, Method, three_view};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Fewest landmarks that three views must share to start a map, and with a fourth view to help. No options: with
-/// fewer the geometry has no finite number of solutions.
+/// Minimum number of landmarks that three views must share to start a map, alone and with the help of a fourth view.
+/// Not options: with fewer the geometry has infinitely many solutions.
 pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
 /// A first map.
 pub struct Hypothesis {
     pub map: Map,
-    /// Number of the triple that it has been grown from.
+    /// Index of the triple that it was grown from.
     pub triple: usize,
 }
 
-/// First maps.
+/// Initial maps.
 pub struct Hypotheses {
     /// Best first.
     pub maps: Vec<Hypothesis>,
-    /// Whether the problem has one solution in general: more than three views, more than four
+    /// Whether the problem has a unique solution in general: more than three views, more than four
     /// landmarks. Then two hypotheses that end in the same minimum confirm each other.
     pub unique: bool,
-    /// Whether they come from four landmarks, where every minimum counts.
+    /// Whether they come from four shared landmarks, so that every minimum must be refined.
     pub four: bool,
     /// Triples of views, the best conditioned first, for a wider search.
     triples: Vec<[usize; 3]>,
@@ -133,7 +133,7 @@ fn check_size(problem: &Problem, search: &SearchOptions) -> Result<(), Error> {
 }
 
 impl Hypotheses {
-    /// More maps: from tensors that noise may have turned into those that were estimated.
+    /// More maps, from tensors that noise may have turned into the estimated ones.
     ///
     /// # Errors
     /// [`Error::Interrupted`] when `progress` says so.
@@ -149,7 +149,7 @@ impl Hypotheses {
     }
 }
 
-/// Maps along the circles of some triples.
+/// Maps along the tensor circles of some triples.
 fn sweep(
     problem: &Problem,
     triples: &[[usize; 3]],

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Other places for single landmarks of a minimum.
+//! Alternative positions of single landmarks of a minimum.
 //!
-//! The cost of one landmark, the views held fixed, may have several minima: on a view, at infinity,
-//! and in between. Two minima of the whole often differ in such a place and little else, and no
+//! With the views held fixed, the cost of one landmark may have several minima: at a view, at infinity,
+//! and in between. Two minima of the whole often differ in one such position and little else, and no
 //! hypothesis that is linear in the landmarks distinguishes them.
 
 use super::options::LandmarkMoveOptions;

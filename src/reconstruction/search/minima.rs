@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! From hypotheses to the lowest minimum: which are refined, how far, and when it is enough.
+//! Refinement of hypotheses to minima: which are refined, for how long, and when the search ends.
 //!
 //! A hypothesis in the basin of a good minimum converges in a few iterations; what has not converged by then is in
-//! the basin of a bad one or hardly determined. So all candidates get a few iterations, and the best of those that
-//! have not converged go on. The search ends when a minimum is as low as the noise predicts, or two triples of views
-//! have led to it.
+//! the basin of a bad one or poorly determined. So all candidates get a few iterations, and the best of those that
+//! have not converged get more. The search ends when a minimum is as low as the noise predicts, or two triples of
+//! views have led to it.
 
 use super::super::attempt::recoverable;
 use super::super::judge::{SAME_COST, is_plausible, same, variance};
@@ -25,10 +25,10 @@ pub struct Minima<'a, 'p> {
     refine: &'a RefineOptions,
     stages: &'a StageOptions,
     pub progress: &'a mut Option<Progress<'p>>,
-    /// With the number of the triple that each comes from.
+    /// With the index of the triple that each comes from.
     minima: Vec<(Reconstruction, usize)>,
     unfinished: Vec<(Reconstruction, usize)>,
-    /// Why the last failed refinement failed.
+    /// The error of the last refinement that failed.
     failure: Option<Error>,
 }
 
@@ -92,8 +92,8 @@ impl<'a, 'p> Minima<'a, 'p> {
             && others.any(|(other, from)| *from != triple && same(&other.map, &found.map, judge))
     }
 
-    /// Lets the best of the unfinished go on to their minima, until one is beyond doubt; returns whether
-    /// one is. With `all` every one goes on that may be as good as the best minimum.
+    /// Refines the best unfinished candidates to their minima, until one is beyond doubt; returns whether one
+    /// is. With `all`, refines every candidate that may be as good as the best minimum.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
@@ -107,7 +107,7 @@ impl<'a, 'p> Minima<'a, 'p> {
         };
         let mut done = 0;
         for (found, triple) in unfinished {
-            // Of exact bearings there may be several exact maps.
+            // Exact bearings may have several exact maps.
             let hopeless = self.minima.iter().any(|(other, _)| {
                 other.termination != Termination::ZeroResidual
                     && found.cost > other.cost * self.stages.minima.hopeless_ratio
@@ -142,7 +142,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             .any(|(found, _)| found.termination == Termination::ZeroResidual)
     }
 
-    /// Tries single landmarks of the best minimum in other places, as long as that makes it better.
+    /// Tries single landmarks of the best minimum in other places, as long as that lowers the cost.
     ///
     /// # Errors
     /// As [`Minima::try_out`].

@@ -9,12 +9,12 @@ use crate::kernels::CalibratedTensor;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Places on a half circle.
+/// Samples of a half circle.
 #[derive(Clone, Copy, Debug)]
 pub struct Circle {
-    /// How many.
+    /// Number of samples.
     pub places: usize,
-    /// Half of them are within an angle of this tangent from the best tensor; 1 spreads them evenly.
+    /// Half of them are within the angle whose tangent this is from the best tensor; 1 spreads them evenly.
     pub width: f64,
 }
 
@@ -24,7 +24,7 @@ impl Circle {
         places: 180,
         width: 1.0,
     };
-    /// For more landmarks, whose noise moves the best tensor along the circle first of all.
+    /// For more landmarks: noise moves the best tensor mainly along the circle.
     pub const AROUND_BEST: Self = Self {
         places: 40,
         width: 0.5,
@@ -39,8 +39,8 @@ pub type ScoredMap = (f64, Map);
 ///
 /// Ta and Tb are the singular vectors of the calibrated system with the smallest singular values: its
 /// null space for four landmarks, its weakest directions for more. The negative of a tensor is the same
-/// tensor, so a half circle is enough. For each f the motion is closed form; growing the map to the
-/// other views scores it.
+/// tensor, so a half circle is enough. For each f the motion has a closed form; the map grown from it to
+/// the other views gives the score.
 pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<ScoredMap> {
     let (triples, _) = common_bearings(problem, views);
     let basis = CalibratedTensor::null_pair(&triples);

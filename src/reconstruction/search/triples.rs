@@ -23,7 +23,7 @@ impl Sight {
         let views: Vec<usize> = (0..problem.views())
             .filter(|&view| problem.of_view(view).len() >= needed)
             .collect();
-        // Landmarks numbered anew: indices may have gaps.
+        // Renumber the landmarks: indices may have gaps.
         let mut number = vec![0; problem.landmarks()];
         let mut count = 0;
         for (landmark, number) in number.iter_mut().enumerate() {
@@ -43,7 +43,7 @@ impl Sight {
         Self { views, words, bits }
     }
 
-    /// How many landmarks three views see, by their place in the list.
+    /// How many landmarks three views share; views by their place in the list.
     fn common(&self, slots: [usize; 3]) -> usize {
         let [a, b, c] = slots.map(|v| &self.bits[v * self.words..(v + 1) * self.words]);
         a.iter()
@@ -129,7 +129,7 @@ pub fn draw(
         .collect()
 }
 
-/// The bearings of the landmarks that three views share, and which these are.
+/// The bearings of the landmarks that three views share, and the indices of these landmarks.
 pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>>, Vec<usize>) {
     let [first, second, third] = views.map(|view| problem.of_view(view));
     let (mut j, mut k) = (0, 0);
@@ -153,8 +153,8 @@ pub fn common_bearings(problem: &Problem, views: [usize; 3]) -> (Vec<Triple<f64>
     (triples, landmarks)
 }
 
-/// Whether the second of two motions may be the right one: hardly more of its landmarks are behind a view than of the
-/// first, or bearings are lines and their signs unknown.
+/// Whether the second of two motions may be the right one: it violates cheirality hardly more often than the first,
+/// or bearings are modulo pi.
 pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) -> bool {
     let [first, second] = motions;
     let margin = 1 + shared / 8;

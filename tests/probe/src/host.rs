@@ -17,7 +17,7 @@ const SCENES: u64 = 16;
 #[unsafe(no_mangle)]
 extern "C" fn main(count: c_int, arguments: *const *const c_char) -> c_int {
     let command = if count > 1 {
-        // SAFETY: C promises `count` strings.
+        // SAFETY: C guarantees `count` strings.
         unsafe { CStr::from_ptr(*arguments.add(1)) }
     } else {
         c"list"
@@ -54,7 +54,7 @@ fn print(kernel: &Kernel, number: u64) {
     }
 }
 
-/// Bytes of stack that are looked at, and those next to the frame of [`stack`], which are left alone.
+/// Bytes of stack that are examined, and those next to the frame of [`stack`], which are not touched.
 const DEPTH: usize = 1 << 16;
 const MARGIN: usize = 256;
 const PAINT: u8 = 0xa5;

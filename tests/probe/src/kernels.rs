@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! The calls that are proved and measured.
+//! The calls that are proved free of panics and measured.
 
 use crate::scene::{LANDMARKS, Scene, Scenes};
 use bearslam::{
@@ -36,7 +36,7 @@ macro_rules! kernels {
     };
 }
 
-/// The first landmarks of a scene; the compiler does not know how many.
+/// The first `count` landmarks of a scene; the compiler does not know how many.
 fn first<U>(all: &[U], count: usize) -> &[U] {
     all.get(..black_box(count)).unwrap_or(all)
 }
@@ -51,7 +51,7 @@ fn solve<T: Real>(triples: &[Triple<T>], method: Method) {
     }
 }
 
-/// The same, each landmark asked for by itself.
+/// The same, with each landmark computed separately.
 #[inline(always)]
 fn solve_one_by_one<T: Real>(triples: &[Triple<T>], method: Method) {
     if let Ok(found) = black_box(three_view(triples, method)) {

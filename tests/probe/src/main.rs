@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Every kernel in `f32` and `f64`, without std, without a heap, without a panic.
 //!
-//! The panic handler calls a function that does not exist, so this program links only when the
-//! optimiser has removed every way to a panic. There is no allocator, so nothing that asks for one
+//! The panic handler calls a function that does not exist, so this program links only if the
+//! optimiser has removed every path to a panic. There is no allocator, so nothing that needs one
 //! links either. On bare metal that is all. On a host `probe` lists the kernels, `probe run` calls
 //! each on every scene through [`bearslam_measured`], where callgrind counts, and `probe stack` prints the
 //! stack that each has used.
@@ -30,7 +30,7 @@ extern "C" fn bearslam_measured(kernel: &kernels::Kernel, scenes: &scene::Scenes
     (kernel.call)(scenes);
 }
 
-/// The entry on bare metal: all kernels, for the linker to look at.
+/// The entry point on bare metal: references all kernels for the linker.
 #[cfg(target_os = "none")]
 #[unsafe(no_mangle)]
 extern "C" fn _start() -> ! {

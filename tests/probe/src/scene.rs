@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Noisy scenes without randomness from outside and without trigonometry.
+//! Noisy scenes without an external random generator and without trigonometry.
 
 use bearslam::{Bearing, Pose, Real, Triple, bearing_to};
 use nalgebra::{Complex, Isometry2, Point2, Translation2, UnitComplex};
@@ -13,11 +13,11 @@ pub struct Scene<T: Real> {
     pub landmarks: [Point2<T>; LANDMARKS],
     pub bearings: [[Bearing<T>; LANDMARKS]; VIEWS],
     pub triples: [Triple<T>; LANDMARKS],
-    /// The landmarks turned, scaled and moved, with an error each.
+    /// The landmarks rotated, scaled and shifted, each with an error.
     pub moved: [Point2<T>; LANDMARKS],
 }
 
-/// The same scene in both scalars.
+/// The same scene in both scalar types.
 pub struct Scenes {
     pub single: Scene<f32>,
     pub double: Scene<f64>,
@@ -56,11 +56,11 @@ impl Random {
     }
 }
 
-/// Half a degree of noise: the largest error, as half an angle's tangent.
+/// Half a degree of noise: the tangent of half the largest error.
 const NOISE: f64 = 0.0076;
 
 impl<T: Real> Scene<T> {
-    /// Views in a square of side 6 within the landmarks' of side 10.
+    /// Views in a square of side 6, within the square of the landmarks of side 10.
     fn new(seed: u64) -> Self {
         let mut random = Random(seed);
         for _ in 0..8 {
