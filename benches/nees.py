@@ -14,7 +14,7 @@ free_network  aligned with the estimate by all positions
 odometry      the first view at the origin
 
 Needs NumPy and SciPy. Prints one line per quantity, with the two-sided bands of the mean and whether it is inside.
-Scenes in which the drawn view or landmark has no estimate (a landmark next to a view may slide into it) do not count.
+Scenes in which the drawn view or landmark has no estimate (a landmark next to a view may move onto it) do not count.
 """
 
 from __future__ import annotations

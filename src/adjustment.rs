@@ -5,16 +5,16 @@ mod align_to_priors;
 mod block;
 mod boundary;
 pub(crate) mod bundle;
-mod bundle_adjustment;
 pub(crate) mod cholesky;
 pub(crate) mod elimination;
 pub(crate) mod gauge;
 mod newton;
-pub(crate) mod normal;
+pub(crate) mod normal_equations;
 pub(crate) mod prior_rows;
 pub(crate) mod refine;
 pub(crate) mod schur;
 mod sparse;
+mod step_solver;
 
 pub(crate) use align_to_priors::aligned_to_priors;
 pub use refine::{Report, refine_map};

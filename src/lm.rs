@@ -4,14 +4,14 @@
 //! Nothing here allocates or panics. Bundles on the heap and maps of fixed size are both
 //! [`LeastSquares`] problems for [`minimize`].
 
+mod bearing_residual;
 mod loss;
 mod minimize;
 mod options;
-mod sighting;
 mod termination;
 
+pub use bearing_residual::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use loss::Loss;
 pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
 pub use options::{Observer, RefineOptions, ZERO_PIVOT_EPS};
-pub use sighting::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use termination::Termination;

@@ -3,11 +3,11 @@
 
 mod bound;
 mod contaminate;
-mod errors;
+mod map_errors;
 mod odometry;
 
 pub use bound::Bound;
-pub use errors::Errors;
+pub use map_errors::Errors;
 
 use crate::error::Error;
 #[cfg(not(feature = "std"))]

@@ -2,13 +2,13 @@
 //! Landmarks on the boundary of the space of maps: on a view, or at infinity.
 //!
 //! Least squares on bearings need not have a minimum. The cost may fall towards an infimum that no map attains:
-//! as a landmark slides onto a view, which makes the residual of that bearing zero, or as it goes to infinity. On
+//! as a landmark moves onto a view, which makes the residual of that bearing zero, or as it goes to infinity. On
 //! either boundary there is a smaller problem with a minimum of its own. A landmark that comes close to one is
 //! placed on it. It stays there if the cost is lower than before and rises from the boundary inwards, (T23);
 //! otherwise the descent returns to where it entered the boundary.
 
 use super::bundle::{Bundle, Rows};
-use super::bundle_adjustment::BundleAdjustment;
+use super::step_solver::BundleAdjustment;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, horizon, spread};

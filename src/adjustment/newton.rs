@@ -7,8 +7,8 @@
 
 use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
-use super::bundle_adjustment::{BundleAdjustment, StepSolver};
 use super::cholesky;
+use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
 use crate::lm::{BearingRow, Termination};
 use crate::problem::Problem;

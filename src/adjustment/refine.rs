@@ -3,12 +3,12 @@
 
 use super::boundary;
 use super::bundle::{Bundle, Rows};
-use super::bundle_adjustment::{BundleAdjustment, StepSolver};
 use super::elimination::{GroupedSightings, gauge, keeps_landmarks};
 use super::newton;
-use super::normal::Normal;
+use super::normal_equations::Normal;
 use super::prior_rows::linearize;
 use super::schur::{Grouped, Schur};
+use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
 use crate::lm::{Loss, Observer, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};

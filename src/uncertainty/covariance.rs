@@ -5,7 +5,7 @@ use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
 use super::weak_directions::free_directions;
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
-use crate::adjustment::normal::Normal;
+use crate::adjustment::normal_equations::Normal;
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Problem, Subject};

@@ -5,7 +5,7 @@ use super::weak_directions::{Eigenpair, weakest};
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::elimination::{GroupedSightings, gauge, keeps_landmarks, kept_positions};
 use crate::adjustment::gauge::gauge_directions;
-use crate::adjustment::normal::Normal;
+use crate::adjustment::normal_equations::Normal;
 use crate::adjustment::refine::is_sparse;
 use crate::adjustment::schur::{Grouped, Schur};
 #[cfg(not(feature = "std"))]

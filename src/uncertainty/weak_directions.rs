@@ -5,7 +5,7 @@ use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::elimination::kept_positions;
 use crate::adjustment::gauge::gauge_directions;
-use crate::adjustment::normal::Normal;
+use crate::adjustment::normal_equations::Normal;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::spread;

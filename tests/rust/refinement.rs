@@ -267,7 +267,7 @@ fn smallest_range(map: &Map) -> f64 {
 }
 
 #[test]
-fn a_landmark_that_slides_onto_a_view_gets_there() {
+fn a_landmark_that_moves_onto_a_view_gets_there() {
     // Maximum likelihood puts a landmark of these scenes onto a view.
     for (views, landmarks, seed) in [(12, 15, 45), (12, 15, 127), (4, 7, 90), (4, 9, 5)] {
         let scene = scene(Layout::Mixed, views, landmarks, 1.0, seed);

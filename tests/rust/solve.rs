@@ -65,7 +65,7 @@ fn noisy_maps_reach_the_cost_of_a_refinement_from_the_truth() {
             }
         }
     }
-    // The misses are landmarks that slide onto a view, where the infimum is not attained.
+    // The misses are landmarks that move onto a view, where the infimum is not attained.
     assert!(missed <= 2, "{missed} of 180");
 }
 

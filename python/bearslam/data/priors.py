@@ -214,7 +214,13 @@ def _covariances(name: str, values: FloatArray) -> FloatArray:
     size = np.abs(values).max(axis=(1, 2), initial=0.0)
     skew = np.abs(values - values.transpose(0, 2, 1)).max(axis=(1, 2), initial=0.0) > ASYMMETRY * size
     if skew.any():
-        raise InvalidInputError(f"{name}[{int(np.argmax(skew))}]: expected a symmetric covariance, got one that is not")
+        where = int(np.argmax(skew))
+        matrix = values[where]
+        i, j = np.unravel_index(np.argmax(np.abs(matrix - matrix.T)), matrix.shape)
+        raise InvalidInputError(
+            f"{name}[{where}]: expected a symmetric covariance, got {matrix[i, j]:g} at [{i}, {j}] and "
+            f"{matrix[j, i]:g} at [{j}, {i}]"
+        )
     least = np.linalg.eigvalsh(values)[:, 0]
     if not (least > 0).all():
         where = int(np.argmin(least > 0))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Bundle adjustment as a problem for the Levenberg-Marquardt loop, with any of the three solvers for its steps.
+//! What solves for the steps of a bundle adjustment, and the adjustment as a problem for the Levenberg-Marquardt loop.
 
 use super::bundle::{Bundle, Rows};
 use crate::error::Error;

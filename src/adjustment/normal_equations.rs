@@ -6,10 +6,10 @@
 //! choose the step along it and change nothing else; and unlike constraints they keep the matrix sparse.
 
 use super::bundle::{Bundle, Rows};
-use super::bundle_adjustment::StepSolver;
 use super::gauge::{anchors, gauge_directions};
 use super::prior_rows::PriorRow;
 use super::sparse::SparseCholesky;
+use super::step_solver::StepSolver;
 use crate::lm::BearingRow;
 use crate::problem::{Prior, Problem, Subject};
 use alloc::vec;
