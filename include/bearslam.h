@@ -46,6 +46,8 @@ typedef enum BearslamStatus {
   BEARSLAM_STATUS_MEMORY_TOO_SMALL,
   // The data do not determine the answer.
   BEARSLAM_STATUS_DEGENERATE,
+  // The lines of sight intersect behind a view: the rays do not.
+  BEARSLAM_STATUS_BEHIND,
   // The maximum number of iterations was reached before a minimum; all results are written.
   BEARSLAM_STATUS_NOT_CONVERGED,
   // An error of the library that calls from C should never cause.
@@ -106,6 +108,9 @@ enum BearslamStatus bearslam_three_view_f32(const float *bearings,
                                             size_t *solutions);
 
 // A landmark by triangulation from at least two bearings.
+//
+// The status is `BEARSLAM_STATUS_BEHIND` when the lines of sight intersect behind a view, as with diverging rays;
+// noise can make the rays to a far landmark diverge.
 //
 // - `poses`: `view_count` x 3; those of views that do not see the landmark are ignored.
 // - `bearings`: `view_count`.

@@ -85,6 +85,9 @@ pub unsafe extern "C" fn bearslam_three_view_f32(
 
 /// A landmark by triangulation from at least two bearings.
 ///
+/// The status is `BEARSLAM_STATUS_BEHIND` when the lines of sight intersect behind a view, as with diverging rays;
+/// noise can make the rays to a far landmark diverge.
+///
 /// - `poses`: `view_count` x 3; those of views that do not see the landmark are ignored.
 /// - `bearings`: `view_count`.
 /// - `point`: 2.

@@ -114,7 +114,11 @@ pub(super) fn triangulation<T: Real>(
     let seen = seen.filter(|(_, bearing)| !is_nan(**bearing));
     let rays =
         seen.map(|([x, y, heading], bearing)| (pose(*x, *y, *heading), Bearing::new(*bearing)));
-    let point = triangulate(rays)?.point;
+    let found = triangulate(rays)?;
+    if found.behind > 0 {
+        return Err(BearslamStatus::Behind);
+    }
+    let point = found.point;
     place.copy_from_slice(&[point.x, point.y]);
     Ok(())
 }

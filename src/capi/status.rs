@@ -28,6 +28,8 @@ pub enum BearslamStatus {
     MemoryTooSmall,
     /// The data do not determine the answer.
     Degenerate,
+    /// The lines of sight intersect behind a view: the rays do not.
+    Behind,
     /// The maximum number of iterations was reached before a minimum; all results are written.
     NotConverged,
     /// An error of the library that calls from C should never cause.
@@ -35,7 +37,7 @@ pub enum BearslamStatus {
 }
 
 impl BearslamStatus {
-    const ALL: [(Self, &CStr); 12] = [
+    const ALL: [(Self, &CStr); 13] = [
         (Self::Ok, c"success"),
         (Self::NullPointer, c"a pointer is null"),
         (
@@ -64,6 +66,10 @@ impl BearslamStatus {
             c"the memory is smaller than bearslam_refine_size requires",
         ),
         (Self::Degenerate, c"the data do not determine the answer"),
+        (
+            Self::Behind,
+            c"the lines of sight intersect behind a view: the rays do not",
+        ),
         (
             Self::NotConverged,
             c"the maximum number of iterations was reached before a minimum; all results are written",

@@ -194,7 +194,10 @@ BAD = [
     (lambda: Odometry(*ONE, [0.1, 0.1, np.inf]), r"sigma\[2\]: expected a finite number, got inf"),
     (lambda: Odometry(*ONE, [0.1, 0.1, 1e-300]), r"sigma\[2\]: expected a number from 1e-100 to 1e\+100, got 1e-300"),
     (lambda: Odometry(*ONE, [-np.eye(3)]), r"sigma\[0\]: expected a positive definite covariance, got one with the"),
-    (lambda: Odometry(*ONE, [np.triu(np.ones((3, 3)))]), r"sigma\[0\]: expected a symmetric covariance, got 1 at \[0, 1\] and 0 at \[1, 0\]"),
+    (
+        lambda: Odometry(*ONE, [np.triu(np.ones((3, 3)))]),
+        r"sigma\[0\]: expected a symmetric covariance, got 1 at \[0, 1\] and 0 at \[1, 0\]",
+    ),
     (
         lambda: PosePriors([0], [[0, 0, 0]], [[np.inf, -np.inf, 1]]),
         r"sigma\[0, 1\]: expected a finite number, got -inf",

@@ -135,6 +135,46 @@ fn pointers_are_checked() {
 }
 
 #[test]
+fn a_point_behind_a_view_has_a_status_of_its_own() {
+    // Rays that diverge; their lines intersect behind both views. With the second bearing beyond the first they meet.
+    let poses = [0.0, 0.0, 0.0, 10.0, 0.0, 0.0];
+    let poses32 = [0.0_f32, 0.0, 0.0, 10.0, 0.0, 0.0];
+    let (mut point, mut point32) = ([7.0; 2], [7.0_f32; 2]);
+    let mut call = |second: f64, second32: f32| {
+        // SAFETY: arrays of the sizes that the calls ask for.
+        let told = unsafe {
+            [
+                bearslam_triangulate(
+                    poses.as_ptr(),
+                    [0.5, second].as_ptr(),
+                    2,
+                    point.as_mut_ptr(),
+                ),
+                bearslam_triangulate_f32(
+                    poses32.as_ptr(),
+                    [0.5, second32].as_ptr(),
+                    2,
+                    point32.as_mut_ptr(),
+                ),
+            ]
+        };
+        (told, point, point32)
+    };
+    let behind = [BearslamStatus::Behind; 2];
+    assert_eq!(call(0.2, 0.2), (behind, [7.0; 2], [7.0; 2]));
+    let (told, point, point32) = call(2.0, 2.0);
+    assert_eq!(told, [BearslamStatus::Ok; 2]);
+    assert!(point[1] > 0.0 && point32[1] > 0.0);
+    // One of three: the third view looks away from where the others see the landmark.
+    let (mut place, mixed) = ([7.0; 2], [0.5, 2.0, 0.63 - core::f64::consts::PI]);
+    let three = [0.0, 0.0, 0.0, 10.0, 0.0, 0.0, 2.0, 0.0, 0.0];
+    // SAFETY: arrays of the sizes that the call asks for.
+    let told =
+        unsafe { bearslam_triangulate(three.as_ptr(), mixed.as_ptr(), 3, place.as_mut_ptr()) };
+    assert_eq!((told, place), (BearslamStatus::Behind, [7.0; 2]));
+}
+
+#[test]
 fn rays_and_landmarks_in_both_precisions() {
     let (bearings, poses, landmarks) = scene();
     let column = [bearings[0], bearings[POINTS], bearings[2 * POINTS]];
