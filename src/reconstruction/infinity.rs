@@ -12,7 +12,8 @@ use crate::uncertainty::unbounded_landmarks;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct InfinityOptions {
-    /// Root mean square of the residuals \[rad\] above which a map is taken for a wrong one, whose landmarks say nothing.
+    /// Root mean square of the residuals \[rad\] above which a map is taken to be wrong: its landmarks are not tested.
+    /// Not sensitive.
     pub plausible_rms: f64,
 }
 

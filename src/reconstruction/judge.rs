@@ -11,26 +11,29 @@ use crate::problem::{Map, Problem, Undetermined, Why};
 use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
 
-/// What is asked of a map.
+/// Thresholds for judging a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct JudgeOptions {
-    /// Fewest degrees of freedom with which the cost alone identifies the right minimum.
+    /// Minimum degrees of freedom with which the cost alone identifies the right minimum. Not sensitive.
     pub telling_freedom: usize,
-    /// Standard deviations of the cost by which that of the right minimum may differ from its mean.
+    /// How far the cost of the right minimum may be from its expectation, in standard deviations of the cost. Not
+    /// sensitive, but half takes twice the time, as fewer maps end the search.
     pub plausible_deviations: f64,
-    /// A map is a rival of another when its variance is at most this many times the other's: three times the
-    /// residuals.
+    /// A map is a rival of another when its variance is at most this many times the other's: three times the residuals.
+    /// Not sensitive.
     pub rival_ratio: f64,
-    /// Positions over the size of the map, and headings \[rad\], by which two maps of one minimum differ less.
+    /// Two maps are the same minimum when positions over the size of the map, and headings \[rad\], differ by less. Not
+    /// sensitive.
     pub same: f64,
-    /// Sightings for each outlier, of which a plausible robust map has at least so many: `robust` is for up to a third.
+    /// A plausible robust map has at least this many sightings for each outlier: `robust` is for up to a third. Not
+    /// sensitive.
     pub sightings_per_outlier: usize,
-    /// Inliers beyond the unknowns, for each outlier, below which there is no consensus. Random bearings have a tenth,
-    /// scenes with three outliers in ten one or more.
+    /// Degrees of freedom for each outlier below which there is no consensus. Random bearings have a tenth, scenes with
+    /// three outliers in ten have one or more. Not sensitive.
     pub spare_per_outlier: f64,
-    /// So few outliers are no sign of chance, however few bearings there are.
+    /// With at most this many outliers a map is never taken for a chance agreement. Not sensitive.
     pub few_outliers: usize,
 }
 

@@ -8,11 +8,12 @@ use crate::problem::Problem;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct SightOptions {
-    /// Sight is limited with more views than this: no triple knows much of the whole.
+    /// Sight is limited with more views than this: no triple covers much of the whole. Not sensitive.
     pub many_views: usize,
-    /// With fewer views than this it is not.
+    /// Sight is not limited with fewer views than this. Not sensitive.
     pub few_views: usize,
-    /// In between it is when the views see less than this part of the landmarks on average.
+    /// In between, sight is limited when the views see less than this fraction of the landmarks on average. Not
+    /// sensitive.
     pub filled: f64,
 }
 

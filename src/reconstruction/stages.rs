@@ -1,5 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The options of all stages, in one place for a caller who varies them.
+//!
+//! `cargo bench --bench thresholds --features rayon,serde -- 3` measures how many solves fail with half and with double
+//! of each default, and the doc comments of the options say what changes. They count the scenes that use the option: 90
+//! of the search, 9 along odometry, 6 each with limited sight, by the global method, with outliers, and with outliers
+//! and only four landmarks, and 3 along odometry with outliers. *Not sensitive*: neither half nor double fails on more
+//! than one scene more than the default, which may be chance. So few scenes show frequent failures only.
 
 use super::global::options::{AveragingOptions, PositionOptions, RelativeHeadingOptions};
 use super::incremental::options::IncrementalOptions;

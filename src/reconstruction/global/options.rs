@@ -6,13 +6,14 @@
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RelativeHeadingOptions {
-    /// Triples that are drawn for each view.
+    /// Triples that are drawn for each view. Not sensitive, but the time is proportional to it.
     pub per_view: usize,
-    /// Fewest triples that are drawn.
+    /// Minimum number of triples that are drawn. Not sensitive.
     pub fewest: usize,
-    /// The best conditioned of them that are kept for each view.
+    /// Triples that are kept for each view, the best conditioned. Not sensitive.
     pub kept: usize,
-    /// Landmarks that a triple must share: six, so that one checks it, five where there are no more.
+    /// Landmarks that a triple must share: six, so that one is redundant, then five, the minimum. Half, which is too
+    /// few for the tensor, fails on all six scenes; double fails on three and takes five times as long.
     pub shared: [usize; 2],
 }
 
@@ -32,12 +33,13 @@ impl Default for RelativeHeadingOptions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct AveragingOptions {
-    /// Most rounds of reweighting: the branches are decided in the first few, the weights in about ten.
+    /// Maximum number of rounds of reweighting: the branches settle in the first few, the weights in about ten. Not
+    /// sensitive.
     pub rounds: usize,
-    /// The width of Cauchy's weight in medians of residual times quality: residuals of a typical triple count fully,
-    /// larger ones less. A width of 2.4 is the usual 95 % of efficiency for Gaussian errors, whose median is 0.67.
+    /// Width of the Cauchy weight, in medians of residual times quality. A width of 2.4 sigma gives the usual 95 %
+    /// efficiency for Gaussian errors, whose median absolute value is 0.67 sigma. Not sensitive.
     pub cauchy_medians: f64,
-    /// The averaging ends when no heading turns by more than this \[rad\].
+    /// The averaging ends when no heading changes by more than this \[rad\]. Not sensitive.
     pub tolerance: f64,
 }
 
@@ -56,14 +58,15 @@ impl Default for AveragingOptions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct PositionOptions {
-    /// Rounds of reweighting: rows are divided by the range of the round before.
+    /// Rounds of reweighting: each divides the rows by the ranges that the previous round found. Not sensitive.
     pub rounds: usize,
-    /// Steps of inverse iteration in a round. The next round goes on from where this one ends.
+    /// Steps of inverse iteration in a round. The next round starts from the result. Not sensitive.
     pub steps: usize,
-    /// No range counts as less than this part of the median, or one bad sighting would rule the system.
+    /// Smallest range used for weighting, as a fraction of the median: otherwise one bad sighting could dominate. Not
+    /// sensitive.
     pub nearest: f64,
-    /// Rays whose directions spread less than this (smaller over larger eigenvalue of their information: about the
-    /// square of half the parallax in radians) place no landmark.
+    /// A landmark is not placed when its rays spread less than this: smaller over larger eigenvalue of their
+    /// information, about the square of half the parallax in radians. Not sensitive.
     pub spread: f64,
 }
 

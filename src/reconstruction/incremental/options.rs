@@ -9,61 +9,62 @@ use crate::problem::MIN_LANDMARKS_OF_VIEW;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct IncrementalOptions {
-    /// Triples of views that are drawn for each view.
+    /// Triples of views that are drawn for each view. Not sensitive.
     pub triples_per_view: usize,
-    /// Minimum number of triples that are drawn.
+    /// Minimum number of triples that are drawn. Not sensitive.
     pub fewest_triples: usize,
-    /// Maximum number of triples that are drawn.
+    /// Maximum number of triples that are drawn. Not sensitive.
     pub most_triples: usize,
-    /// Landmarks that the views of a seed must share: one more than the tensor needs, for redundancy, then the
-    /// minimum.
+    /// Landmarks that the views of a seed must share: one more than the tensor needs, for redundancy, then the minimum.
+    /// Not sensitive.
     pub shared_landmarks: [usize; 2],
-    /// Seeds that are tried for a map before the best so far is taken.
+    /// Seeds that are tried for a map before the best so far is taken. Not sensitive.
     pub seeds: usize,
-    /// Number of views to which both branches of a seed grow before the better one is chosen.
+    /// Number of views to which both branches of a seed grow before the better one is chosen. Not sensitive.
     pub views_before_choice: usize,
-    /// If the variances of the branches then differ by less than this factor, both are grown to the end.
+    /// If the variances of the branches then differ by less than this factor, both are grown to the end. Not sensitive.
     pub clear_ratio: f64,
 
     /// A view or landmark fits when its residuals are within this many times the noise. First more than the usual
     /// three, because its neighbours are no better determined than it is; then wider, to close loops despite drift;
-    /// last, whatever can be placed at all.
+    /// last, whatever can be placed at all. Not sensitive.
     pub gates: [f64; 3],
-    /// Landmarks in the map that a view must see at each gate: one more than the minimum, for redundancy, except at
-    /// the last.
+    /// Landmarks in the map that a view must see at each gate: one more than the minimum, for redundancy, except at the
+    /// last. Not sensitive.
     pub landmarks_of_view: [usize; 3],
-    /// A round may add one view for every this many in the map.
+    /// A round may add one view for every this many in the map. Not sensitive.
     pub views_per_added: usize,
     /// A view is accepted when the standard deviation of its heading is below this \[rad\], a landmark when the
     /// relative standard deviation of its range is. Above this, first-order predictions fail, and a landmark near
-    /// infinity would alone set the scale between two maps.
+    /// infinity would alone set the scale between two maps. Not sensitive.
     pub max_deviation: f64,
-    /// How often a view may be removed and added again.
+    /// How often a view may be removed and added again. Not sensitive.
     pub returns: u8,
-    /// Maximum number of iterations of a refinement during growth: enough to remove drift; only the last converges.
+    /// Maximum number of iterations of a refinement during growth: enough to remove drift; only the last converges. Not
+    /// sensitive.
     pub growing_iterations: usize,
-    /// Noise \[rad\] that is expected before there are residuals: a little more than a degree.
+    /// Noise \[rad\] that is expected before there are residuals: a little more than a degree. Not sensitive.
     pub expected_noise: f64,
-    /// Number of residuals that the expectation weighs as much as.
+    /// Number of residuals that the expectation weighs as much as. Not sensitive.
     pub expected_count: f64,
 
-    /// Final refinements of a map: after each, a view that did not fit before may fit.
+    /// Final refinements of a map: after each, a view that did not fit before may fit. Not sensitive.
     pub completions: usize,
     /// Range, in sizes of the map, at which a landmark that may be at infinity starts; the refinement decides whether
-    /// it is.
+    /// it is. Not sensitive.
     pub far_sizes: f64,
     /// Iterations that the final refinement of a seed's map gets at first: a map that has grown well needs two to five,
-    /// and one that needs more continues by Newton's method, which is expensive.
+    /// and one that needs more continues by Newton's method, which is expensive. Not sensitive.
     pub first_iterations: usize,
-    /// Maximum number of maps refined further after the first iterations.
+    /// Maximum number of maps refined further after the first iterations. Not sensitive.
     pub max_finished: usize,
-    /// A map is refined further only if its variance is at most this many times that of the best.
+    /// A map is refined further only if its variance is at most this many times that of the best. Not sensitive.
     pub hopeless_ratio: f64,
 
     /// Two maps belong together, and a map competes with a better one, when their variances differ by at most this
-    /// factor: residuals twice as large.
+    /// factor: residuals twice as large. Not sensitive.
     pub fitting_ratio: f64,
-    /// Shared landmarks needed to merge two maps: two determine a similarity.
+    /// Shared landmarks needed to merge two maps: two determine a similarity. Not sensitive.
     pub joining_landmarks: usize,
 }
 

@@ -8,86 +8,89 @@ use crate::problem::MIN_LANDMARKS_OF_VIEW;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RobustOptions {
-    /// Triples of views that samples are drawn from in a round.
+    /// Triples of views that samples are drawn from in a round. Not sensitive.
     pub triples: usize,
-    /// Samples of each triple. With 30 % outliers one sample in 200 is free of them, three in a round.
+    /// Samples of each triple. With 30 % outliers one sample in 200 is free of them, three in a round. Not sensitive.
     pub samples: usize,
-    /// Seeds that are grown in a round.
+    /// Seeds that are grown in a round. Not sensitive.
     pub grown: usize,
-    /// Maximum number of rounds: all of them take a second or two for 12 views and 15 landmarks with 50 % outliers.
+    /// Maximum number of rounds: all of them take a second or two for 12 views and 15 landmarks with 50 % outliers. Not
+    /// sensitive.
     pub rounds: usize,
-    /// Maximum number of triples in all; later rounds draw new samples from the same triples.
+    /// Maximum number of triples in all; later rounds draw new samples from the same triples. Not sensitive.
     pub all_triples: usize,
     /// Expected number of outlier-free samples after which the search ends without a confirmation. Not every such
-    /// sample is accurate enough to lead to the map.
+    /// sample is accurate enough to lead to the map. Not sensitive.
     pub good_samples: f64,
-    /// Two maps confirm each other when they share this percentage of their inliers.
+    /// Two maps confirm each other when they share this percentage of their inliers. Not sensitive; with double, which
+    /// no map reaches, the search takes half as long again.
     pub confirming_percent: usize,
-    /// Number of lowest minima in which sightings are exchanged before the best is chosen: another than the lowest
-    /// may end lowest.
+    /// Number of lowest minima in which sightings are exchanged before the best is chosen: another than the lowest may
+    /// end lowest. Not sensitive.
     pub exchanged: usize,
-    /// Another minimum is a rival when its cost is higher by no more than this: that of two outliers.
+    /// Another minimum is a rival when its cost is higher by no more than this: that of two outliers. Not sensitive.
     pub rival_cost: f64,
-    /// Non-robust hypotheses that are refined when no three views share enough landmarks for a sample.
+    /// Non-robust hypotheses that are refined when no three views share enough landmarks for a sample. Not sensitive.
     pub plain_hypotheses: usize,
 
     /// Sampson error over its standard deviation up to which a landmark agrees with the tensor of a sample. Wide,
-    /// because that tensor is no better than its five landmarks.
+    /// because that tensor is no better than its five landmarks. Not sensitive.
     pub sample_bound: f64,
-    /// The same for tensors re-estimated from the landmarks that agree, round by round.
+    /// The same for tensors re-estimated from the landmarks that agree, round by round. Not sensitive.
     pub narrower_bounds: [f64; 3],
-    /// Best samples of a triple that are re-estimated from all landmarks that agree with them.
+    /// Best samples of a triple that are re-estimated from all landmarks that agree with them. Not sensitive.
     pub kept_samples: usize,
 
     /// Maximum number of minimal samples of sightings that are tried for each requested place. With 50 % outliers one
-    /// sample of three in eight is good, and 64 miss them all once in 5000.
+    /// sample of three in eight is good, and 64 miss them all once in 5000. Not sensitive.
     pub sets: usize,
-    /// Inliers that two places may share by chance beyond those of a minimal sample.
+    /// Inliers that two places may share by chance beyond those of a minimal sample. Not sensitive.
     pub shared_by_chance: usize,
-    /// Rounds of re-estimation of a place from all sightings that agree with it.
+    /// Rounds of re-estimation of a place from all sightings that agree with it. Not sensitive.
     pub place_rounds: usize,
 
     /// Bound within which a bearing agrees with a growing map: few bearings determine it, so its errors are several
-    /// times theirs.
+    /// times theirs. Not sensitive.
     pub growing_bound: f64,
-    /// Sightings of a new view that must agree: one more than determine it.
+    /// Sightings of a new view that must agree: one more than determine it. Not sensitive.
     pub agreeing_of_view: usize,
-    /// Sightings of a new landmark that must agree: one more than determine it.
+    /// Sightings of a new landmark that must agree: one more than determine it. Not sensitive.
     pub agreeing_of_landmark: usize,
-    /// Iterations of each refinement while a map grows: it need not converge.
+    /// Iterations of each refinement while a map grows: it need not converge. Not sensitive.
     pub growing_iterations: usize,
 
-    /// Bounds that lead from that of a growing map to the final one.
+    /// Bounds that lead from that of a growing map to the final one. Double fails on two of 15 scenes more.
     pub narrowing_bounds: [f64; 2],
-    /// Iterations of refinement at each of them.
+    /// Iterations of refinement at each of them. Not sensitive.
     pub narrowing_iterations: usize,
     /// Maximum number of changes of the set of inliers. Each lowers the cost, so they end by themselves, usually after
-    /// two or three.
+    /// two or three. Not sensitive.
     pub inlier_changes: usize,
 
     /// An exchange is tried when it is predicted to raise twice the cost by no more than this, which is within the
-    /// error of the prediction.
+    /// error of the prediction. Not sensitive.
     pub promising: f64,
-    /// Exchanges that are tried without success before the stage ends.
+    /// Exchanges that are tried without success before the stage ends. Not sensitive.
     pub exchange_tries: usize,
-    /// Maximum number of successful exchanges.
+    /// Maximum number of successful exchanges. Not sensitive.
     pub exchange_successes: usize,
 
-    /// Maximum number of Gauss-Newton steps for one view along its motion; three unknowns need a few.
+    /// Maximum number of Gauss-Newton steps for one view along its motion; three unknowns need a few. Not sensitive.
     pub motion_steps: usize,
 
-    /// Bounds within which views and landmarks are reassigned: the final one, and that of a growing map.
+    /// Bounds within which views and landmarks are reassigned: the final one, and that of a growing map. Not sensitive.
     pub reassign_bounds: [f64; 2],
-    /// Candidate places of each view and landmark.
+    /// Candidate places of each view and landmark. Not sensitive.
     pub places: usize,
-    /// How much worse such a place may be with everything else fixed, in costs of an outlier.
+    /// How much worse such a place may be with everything else fixed, in costs of an outlier. Not sensitive.
     pub worse_outliers: f64,
-    /// Places that are tried in a round, the most promising first.
+    /// Places that are tried in a round, the most promising first. Not sensitive.
     pub reassign_tries: usize,
-    /// With odometry, sightings that must change between inlier and outlier: each try then moves hundreds of views.
+    /// With odometry, sightings that must change between inlier and outlier: each try then moves hundreds of views. Not
+    /// sensitive.
     pub changes_with_odometry: usize,
     /// Maximum number of rounds of reassigning, and of re-estimating each: each lowers the cost, so they end by
-    /// themselves.
+    /// themselves. Not sensitive.
     pub reassign_rounds: usize,
 }
 

@@ -6,9 +6,10 @@
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct DrawOptions {
-    /// Views up to which all triples are listed; beyond, they are drawn: 40 views have 9880 triples.
+    /// Maximum number of views for which all triples are enumerated (40 views have 9880); with more, they are drawn.
+    /// Not sensitive.
     pub listed_views: usize,
-    /// Draws per triple wanted when they are not listed.
+    /// Draws per requested triple when they are not enumerated. Not sensitive.
     pub draws: usize,
 }
 
@@ -26,12 +27,13 @@ impl Default for DrawOptions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct HypothesisOptions {
-    /// Most triples of views that are swept for four landmarks: any one finds all minima it can see.
+    /// Maximum number of triples of views that are swept for four landmarks: each sweep finds all minima of its triple.
+    /// Not sensitive.
     pub max_sweeps: usize,
     /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
-    /// minimum.
+    /// minimum. Not sensitive.
     pub cluster: f64,
-    /// Most clusters that are looked at.
+    /// Maximum number of clusters that are kept. Not sensitive.
     pub max_distinct: usize,
 }
 
@@ -45,25 +47,27 @@ impl Default for HypothesisOptions {
     }
 }
 
-/// Options of the way from hypotheses to minima.
+/// Options of the refinement of hypotheses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct MinimaOptions {
-    /// Iterations that every candidate gets: in the basin of a good minimum it gets there in fewer.
+    /// Iterations that every candidate gets first: from the basin of a good minimum fewer are enough. Not sensitive.
     pub first_iterations: usize,
-    /// Most unfinished candidates that go on.
+    /// Maximum number of unfinished candidates that get more iterations. Not sensitive.
     pub max_finished: usize,
-    /// An unfinished candidate does not go on when its cost is so many times that of the best minimum.
+    /// An unfinished candidate is given up when its cost is more than this many times that of the best minimum. Not
+    /// sensitive.
     pub hopeless_ratio: f64,
-    /// Fewest degrees of freedom with which the cost alone identifies the right minimum when the first iterations
-    /// did not reach it: more of these are wrong.
+    /// Minimum degrees of freedom with which the cost alone identifies the right minimum when the first iterations did
+    /// not reach it: such minima are wrong more often. Not sensitive.
     pub sure_freedom: usize,
-    /// Other places of landmarks that are tried in a round.
+    /// Alternative positions of landmarks that are tried in a round. Not sensitive.
     pub moves: usize,
-    /// Rounds of such tries, each of which must have lowered the cost.
+    /// Maximum number of such rounds; one that does not lower the cost is the last. Not sensitive.
     pub move_rounds: usize,
-    /// Iterations that each of them gets: what is not better by then is slow because it is worse.
+    /// Iterations that each of them gets: one that is no better by then converges slowly because it is worse. Not
+    /// sensitive.
     pub moved_iterations: usize,
 }
 
@@ -81,17 +85,19 @@ impl Default for MinimaOptions {
     }
 }
 
-/// Options of other places for landmarks. Lengths are in sizes of the map: root-mean-square distance of the views.
+/// Options of alternative positions of landmarks. Lengths are in sizes of the map: root-mean-square distance of the
+/// views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct LandmarkMoveOptions {
-    /// A place is worth a refinement when the cost there, with the views where they are, is higher by at most so many
-    /// times the variance of the residuals.
+    /// A position is worth a refinement when the cost there, with the views held fixed, is higher by at most this many
+    /// times the variance of the residuals. Not sensitive.
     pub worth: f64,
-    /// How far off a view a landmark begins, and how far it must be from where it was.
+    /// Distance from a view at which a landmark starts, and minimum distance of a start from the present position. Not
+    /// sensitive.
     pub off: f64,
-    /// How far out a landmark begins that may be at infinity.
+    /// Distance at which a landmark that may be at infinity starts. Not sensitive.
     pub away: f64,
 }
 
