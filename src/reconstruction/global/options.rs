@@ -12,8 +12,8 @@ pub struct RelativeHeadingOptions {
     pub fewest: usize,
     /// Triples that are kept for each view, the best conditioned. Not sensitive.
     pub kept: usize,
-    /// Landmarks that a triple must share: six, so that one is redundant, then five, the minimum. Half, which is too
-    /// few for the tensor, fails on all six scenes; double fails on three and takes five times as long.
+    /// Landmarks that a triple must share: six, so that one is redundant, then five, the minimum. Half, too few for the
+    /// tensor, fails on all 22 scenes, double on four.
     pub shared: [usize; 2],
 }
 

@@ -28,7 +28,7 @@ impl Default for DrawOptions {
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct HypothesisOptions {
     /// Maximum number of triples of views that are swept for four landmarks: each sweep finds all minima of its triple.
-    /// Not sensitive.
+    /// Half fails on one of 330 scenes more, double on two.
     pub max_sweeps: usize,
     /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
     /// minimum. Not sensitive.
@@ -52,12 +52,13 @@ impl Default for HypothesisOptions {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct MinimaOptions {
-    /// Iterations that every candidate gets first: from the basin of a good minimum fewer are enough. Not sensitive.
+    /// Iterations that every candidate gets first: from the basin of a good minimum fewer are enough. Half fails on six
+    /// of 330 scenes more, double on three.
     pub first_iterations: usize,
     /// Maximum number of unfinished candidates that get more iterations. Not sensitive.
     pub max_finished: usize,
-    /// An unfinished candidate is given up when its cost is more than this many times that of the best minimum. Not
-    /// sensitive.
+    /// An unfinished candidate is given up when its cost is more than this many times that of the best minimum. Half
+    /// fails on two of 330 scenes more, double on none.
     pub hopeless_ratio: f64,
     /// Minimum degrees of freedom with which the cost alone identifies the right minimum when the first iterations did
     /// not reach it: such minima are wrong more often. Not sensitive.
