@@ -31,7 +31,7 @@ pub fn drop_landmarks_at_infinity(
     found: &mut Reconstruction,
     options: &InfinityOptions,
 ) {
-    // Exact bearings leave no noise to judge by, and of a map that explains nothing no landmark is known.
+    // Exact bearings leave no noise to judge by, and in a map that explains nothing no landmark can be judged.
     if found.freedom == 0
         || found.termination == Termination::ZeroResidual
         || found.rms > options.plausible_rms

@@ -27,11 +27,10 @@ impl Default for SightOptions {
     }
 }
 
-/// Whether sight is limited: more than 40 views, or at least eight of which each sees less than 60 % of
-/// the landmarks on average.
+/// Whether sight is limited: more than 40 views, or at least eight that see less than 60 % of the landmarks on average.
 ///
-/// A triple of views then knows little of the whole, and a map that is grown from it without refinement
-/// in between drifts. Views and landmarks without sightings do not count.
+/// A triple of views then covers little of the whole, and a map that is grown from it without refinement in between
+/// drifts. Views and landmarks without sightings do not count.
 pub fn is_limited(problem: &Problem, options: &SightOptions) -> bool {
     let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
     let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());

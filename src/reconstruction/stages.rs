@@ -47,11 +47,11 @@ pub struct StageOptions {
     pub sight: SightOptions,
     /// How triples of views are drawn.
     pub draw: DrawOptions,
-    /// Which hypotheses of the search are looked at.
+    /// Which hypotheses of the search are kept.
     pub hypotheses: HypothesisOptions,
     /// How far hypotheses are refined.
     pub minima: MinimaOptions,
-    /// Which other places of landmarks are tried.
+    /// Which alternative positions of landmarks are tried.
     pub landmark_moves: LandmarkMoveOptions,
     /// Growth view by view, for limited sight and [`Strategy::Incremental`](crate::Strategy::Incremental).
     pub incremental: IncrementalOptions,
@@ -61,11 +61,11 @@ pub struct StageOptions {
     pub averaging: AveragingOptions,
     /// How the global method finds positions.
     pub positions: PositionOptions,
-    /// What a map is worth, whether it is plausible, and which others are its rivals.
+    /// When a map is plausible, and which others are its rivals.
     pub judge: JudgeOptions,
     /// When a landmark is at infinity.
     pub infinity: InfinityOptions,
-    /// Bearings some of which are wrong: [`SolveOptions::robust`](crate::SolveOptions::robust).
+    /// Bearings with outliers: [`SolveOptions::robust`](crate::SolveOptions::robust).
     pub robust: RobustOptions,
     /// Which starts are tried with odometry or priors.
     pub posterior: PosteriorOptions,
@@ -73,8 +73,8 @@ pub struct StageOptions {
     pub odometry_growth: OdometryGrowthOptions,
     /// Growth along odometry by least squares.
     pub stride: StrideOptions,
-    /// Growth along odometry when bearings may be wrong.
+    /// Growth along odometry with outliers.
     pub robust_growth: RobustGrowthOptions,
-    /// Sweeps along odometry when bearings may be wrong.
+    /// Sweeps along odometry with outliers.
     pub odometry_sweeps: OdometrySweepOptions,
 }

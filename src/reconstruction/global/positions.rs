@@ -32,7 +32,7 @@ struct RayBundle {
 }
 
 impl RayBundle {
-    /// The inverse of the sum of squares of the rows; `None` when they are nearly parallel.
+    /// Inverse of the landmark's normal matrix; `None` when the rays are nearly parallel.
     fn inverse(&self, options: &PositionOptions) -> Option<Matrix2<f64>> {
         let mut information = Matrix2::zeros();
         for ray in &self.rays {
@@ -47,10 +47,10 @@ impl RayBundle {
 
 /// The map of the views that have a heading; `None` when the rays determine nothing.
 ///
-/// With `n` the direction at right angles to a ray, the rows `n . (x_j - p_i) = 0` over the range say
-/// that the sine of the angular error is small, (T30). Landmarks are eliminated in closed form; the
-/// positions are the smallest eigenvector of what is left, after the two translations: inverse
-/// iteration, from the direction in which all landmarks move ahead of the views that see them.
+/// With `n` the unit normal of a ray, the row `n . (x_j - p_i) = 0` divided by the range is the sine of
+/// the angular error, (T30). Landmarks are eliminated in closed form. The positions are the eigenvector of
+/// the reduced system with the smallest eigenvalue, other than the two translations. Inverse iteration
+/// finds it, starting in the direction that moves all landmarks ahead of the views that see them.
 pub fn solve(
     problem: &Problem,
     headings: &[Option<UnitComplex<f64>>],
@@ -178,7 +178,7 @@ fn round(
     Some(positions)
 }
 
-/// Divides the rows by the ranges that have been found.
+/// Divides the rows by the current ranges.
 fn reweight(bundles: &mut [RayBundle], positions: &DVector<f64>, options: &PositionOptions) {
     let range =
         |bundle: &RayBundle, ray: &DirectedRay| (bundle.point - at(positions, ray.view)).norm();

@@ -10,7 +10,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::UnitComplex;
 
-/// The headings of three views, up to a common turn.
+/// The headings of three views, up to a common rotation.
 pub struct Relative {
     pub views: [usize; 3],
     /// One branch, or both where the signs of the bearings do not decide between them.

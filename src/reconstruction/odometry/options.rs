@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Options of the work with odometry and priors: starts, growth, sweeps.
+//! Options of the stages with odometry and priors: starts, growth, sweeps.
 
 use crate::lm::Loss;
 

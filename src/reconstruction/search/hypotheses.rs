@@ -17,7 +17,7 @@ use alloc::vec::Vec;
 pub const MIN_SHARED: usize = 5;
 const MIN_SHARED_WITH_FOURTH: usize = 4;
 
-/// A first map.
+/// An initial map.
 pub struct Hypothesis {
     pub map: Map,
     /// Index of the triple that it was grown from.
@@ -107,7 +107,7 @@ pub fn search(
     })
 }
 
-/// Refuses a problem that is too small, and an empty search.
+/// Rejects a problem that is too small, and an empty search.
 fn check_size(problem: &Problem, search: &SearchOptions) -> Result<(), Error> {
     if problem.views() < 3 {
         return Err(Error::TooFew {
@@ -173,7 +173,7 @@ fn ranked(mut scored: ScoredHypotheses) -> Vec<Hypothesis> {
     scored.into_iter().map(|(_, found)| found).collect()
 }
 
-/// What to say when no three views share enough landmarks.
+/// The error when no three views share enough landmarks.
 fn too_few_shared(problem: &Problem, draw: &DrawOptions) -> Error {
     let needed = if problem.views() > 3 {
         MIN_SHARED_WITH_FOURTH
@@ -183,7 +183,7 @@ fn too_few_shared(problem: &Problem, draw: &DrawOptions) -> Error {
     too_few(problem, needed, draw)
 }
 
-/// The error of a method that needs so many shared landmarks.
+/// The error of a method that needs this many shared landmarks.
 pub fn too_few(problem: &Problem, needed: usize, draw: &DrawOptions) -> Error {
     Error::TooFew {
         what: "landmarks seen by the same three views",
@@ -192,7 +192,7 @@ pub fn too_few(problem: &Problem, needed: usize, draw: &DrawOptions) -> Error {
     }
 }
 
-/// The best of each cluster of maps, up to so many.
+/// The best of each cluster of maps, up to a maximum number of clusters.
 fn distinct(scored: ScoredHypotheses, options: &HypothesisOptions) -> Vec<Hypothesis> {
     let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
     for found in ranked(scored) {

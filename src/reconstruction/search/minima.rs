@@ -19,7 +19,7 @@ use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
-/// Minima found so far, and starts that are not there yet.
+/// Minima found so far, and candidates that have not converged.
 pub struct Minima<'a, 'p> {
     problem: &'a Problem,
     refine: &'a RefineOptions,

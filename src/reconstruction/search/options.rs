@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Options of the search: the draw of triples, hypotheses, minima, other places for landmarks.
+//! Options of the search: the draw of triples, hypotheses, minima, alternative positions of landmarks.
 
 /// Options of the draw of triples.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,7 +10,7 @@ use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Bit sets of the landmarks that each view sees, of the views and landmarks that can be in a triple.
+/// Bit sets of the landmarks that each view sees, for views and landmarks that can be in a triple.
 struct Sight {
     /// The views that see at least as many landmarks as are needed.
     views: Vec<usize>,
