@@ -145,7 +145,7 @@ WORDS = [
 ]
 SIGHTING = {b"EDGE_BEARING_SE2_XY", b"EDGE_SE2_XY", b"LANDMARK", b"BR"}
 WHOLE = re.compile(
-    r": (no [A-Z]|expected a whole gzip|expected sightings|expected at most|expected a header of CSV|"
+    r": (no [A-Z]|expected a whole gzip|expected sightings|expected at most|expected a CSV header|"
     r"(view|landmark)_ids: expected distinct names)"
 )
 """Complaints that are about the whole of a file."""
