@@ -1,49 +1,156 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""A short run of the fuzzer of the loaders, and proof that it finds what it looks for."""
+"""A short run of the fuzzer of the many-view API, and proof that it finds what it looks for."""
 
-import importlib.util
+import dataclasses
+import signal
+import time
 
+import numpy as np
 import pytest
 
 import bearslam
 
-from .conftest import REPOSITORY
+from ..fuzz import calls, inputs, maps, measure, runner, shrink, worker
+from ..fuzz.ledger import Ledger, merged
 
-spec = importlib.util.spec_from_file_location("fuzz_loaders", REPOSITORY / "tests" / "fuzz_loaders.py")
-fuzz = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(fuzz)
-
-
-def test_damaged_files_are_read_whole_or_refused():
-    outcomes, failures = fuzz.run(1, files=2000)
-    assert failures == []
-    assert outcomes.total() == 2000
-    assert outcomes["read"] > 200
-    assert outcomes["line named"] > 800
+SECONDS = 30.0
 
 
-def test_a_folder_that_is_whole_is_read(tmp_path):
-    assert fuzz.attempt_folder(tmp_path, fuzz.FOLDER) == "read"
+def test_thirty_seconds_of_inputs_without_a_failure(tmp_path):
+    ledger = Ledger(tmp_path / "fuzz.jsonl")
+    lines = []
+    failures = runner.run(ledger, SECONDS, 2, 0, lines.append)
+    assert [f"{one.seed} {one.verb}: {one.faults}" for one in failures] == []
+    assert ledger.ranges()[0][0] == 0
 
 
-@pytest.mark.parametrize("name", fuzz.SEEDS)
-def test_files_that_are_whole_are_read(tmp_path, name):
-    assert fuzz.attempt(tmp_path, name, fuzz.SEEDS[name]) == "read"
+def test_a_seed_is_one_input():
+    for seed in range(20):
+        assert calls.digest(inputs.make(seed).arguments) == calls.digest(inputs.make(seed).arguments)
 
 
-def test_a_loader_that_loses_lines_is_found(monkeypatch):
-    def lossy(data, name, parse=bearslam.io.g2o.parse):
-        return parse(data[: data.rindex(b"\n", 0, -1) + 1] if data.count(b"\n") > 3 else data, name)
+def seed_of(verb, *names, without=()):
+    """The first seed of a plausible input of a verb with all of these arguments, and an answer."""
+    for seed in range(5000):
+        given = inputs.make(seed)
+        if given.verb == verb and not given.wild and set(names) <= set(given.arguments):
+            if set(without) & set(given.arguments):
+                continue
+            outcome = worker.run(given)
+            if outcome.ending == "answered":
+                return given
+    raise AssertionError(f"no seed calls {verb} with {names}")
 
-    monkeypatch.setattr("bearslam.io.g2o.parse", lossy)
-    _, failures = fuzz.run(1, files=2000, limit=100)
-    assert any("sightings of" in failure for failure in failures)
+
+@pytest.fixture(scope="module")
+def solved():
+    given = seed_of("solve", "odometry", "pose_priors", without=("robust", "loss", "start"))
+    request = measure.Request.of(given.arguments, joint=True)
+    return request, calls.call(given, 1)
 
 
-def test_an_error_without_a_line_is_found(monkeypatch):
-    def vague(data, name):
-        raise bearslam.InvalidInputError(f"{name}: something is wrong")
+@pytest.mark.parametrize(
+    ("field", "change", "kind"),
+    [
+        ("cost", lambda cost: cost * 1.0001 + 1e-6, "cost"),
+        ("rms", lambda rms: rms * 1.01 + 1e-6, "rms"),
+        ("freedom", lambda freedom: freedom + 1, "freedom"),
+        ("residuals", lambda residuals: residuals + 1e-6, "residuals"),
+        ("inliers", lambda inliers: ~inliers, "inliers"),
+        ("landmarks", lambda landmarks: np.full_like(landmarks, np.nan), "undetermined"),
+        ("converged", lambda converged: not converged, "termination"),
+    ],
+)
+def test_a_wrong_number_is_found(solved, field, change, kind):
+    request, result = solved
+    assert list(maps.check(request, result, refined=True)) == []
+    wrong = dataclasses.replace(result, **{field: change(getattr(result, field))})
+    assert kind in {found for found, _ in maps.check(request, wrong, refined=True)}
 
-    monkeypatch.setattr("bearslam.io.text_graph.parse", lambda data, name, noise: vague(data, name))
-    _, failures = fuzz.run(1, files=100)
-    assert any("no line in" in failure for failure in failures)
+
+def test_a_wrong_prior_is_found(solved):
+    request, result = solved
+    kind, place, value, root = request.priors[0]
+    moved = dataclasses.replace(request, priors=[(kind, place, value + 1.0, root), *request.priors[1:]])
+    assert "cost" in {found for found, _ in maps.check(moved, result, refined=True)}
+
+
+def test_other_exceptions_are_faults(monkeypatch):
+    given = seed_of("align")
+    monkeypatch.setattr(bearslam, "align", lambda **_: 1 / 0)
+    assert worker.run(given).faults[0][0] == "exception"
+
+
+def test_answers_that_change_are_found(monkeypatch):
+    given, count = seed_of("simulate"), iter(range(100))
+    monkeypatch.setattr(bearslam, "simulate", lambda **_: next(count))
+    assert worker.run(given).faults == [("bits", "a second call gives other bits")]
+
+
+class Dead(runner.Worker):
+    """A worker whose process ends by itself."""
+
+    def __init__(self, script):
+        super().__init__(1)
+        self.script = script
+
+    def command(self):
+        return ["python", "-c", self.script]
+
+
+@pytest.mark.parametrize(
+    ("ending", "kind"), [("os.abort()", "abort"), ("os.kill(os.getpid(), signal.SIGPROF)", "hang")]
+)
+def test_processes_that_die_are_noticed(ending, kind):
+    dead = Dead(f"import os, signal; signal.signal(signal.SIGPROF, signal.SIG_DFL); input(); {ending}")
+    outcome = dead.run(7)
+    assert (outcome.seed, outcome.ending, outcome.faults[0][0]) == (7, "failed", kind)
+    assert dead.process is None
+
+
+def test_a_call_that_does_not_end_is_ended(monkeypatch):
+    ended = []
+    monkeypatch.setattr(worker, "SECONDS", 0.2)
+    monkeypatch.setattr(bearslam, "align", lambda **_: [time.process_time() for _ in range(10**8)])
+    before = signal.signal(signal.SIGPROF, lambda *_: ended.append(1) or 1 / 0)
+    try:
+        outcome = worker.run(seed_of_align())
+    finally:
+        signal.signal(signal.SIGPROF, before)
+    assert ended
+    assert outcome.faults[0][0] == "exception"
+
+
+def seed_of_align():
+    return next(given for given in map(inputs.make, range(1000)) if given.verb == "align" and not given.wild)
+
+
+def test_a_ledger_resumes_and_forgets_what_is_mended(tmp_path):
+    path = tmp_path / "fuzz.jsonl"
+    ledger = Ledger(path)
+    numbers = {"calls": {"solve answered": 10}, "seconds": 1.0, "slowest": 0.1, "commit": "abc"}
+    ledger.add(first=0, end=10, **numbers)
+    ledger.add(first=20, end=30, **numbers)
+    ledger.add(seed=3, verb="solve", faults=[["cost", "is wrong"]], commit="abc")
+    with path.open("a") as file:
+        file.write('{"first": 3')
+    ledger = Ledger(path)
+    assert ledger.ranges() == [(0, 10), (20, 30)]
+    assert ledger.next_free(0, 200) == (10, 20)
+    assert ledger.next_free(25, 200) == (30, 230)
+    assert "1 cost" in ledger.summary()
+    assert "20 inputs" in ledger.summary()
+    ledger.add(seed=3, verb="solve", faults=[], commit="def")
+    assert Ledger(path).failures() == {}
+
+
+def test_ranges_that_touch_are_one():
+    assert merged([(5, 9), (0, 5), (20, 30), (25, 27)]) == [(0, 9), (20, 30)]
+
+
+def test_a_smaller_input_fails_in_the_same_way(monkeypatch):
+    given = seed_of("solve", "odometry", without=("robust",))
+    monkeypatch.setattr(shrink, "kind_of", lambda one: "cost" if "odometry" in one.arguments else None)
+    smaller = shrink.shrink(given)
+    assert set(smaller.arguments) <= {"bearings", "form", "odometry"}
+    assert len(smaller.arguments["odometry"]["start"]) == 1

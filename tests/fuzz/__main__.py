@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The command line: run, replay a seed, run what failed again, and print the table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from . import inputs, runner, show, shrink
+from .ledger import Ledger
+
+
+def main() -> int:
+    """Run the chosen command; 1 if anything failed."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    run = commands.add_parser("run", help="run seeds that are not in the ledger")
+    run.add_argument("--minutes", type=float, default=10.0, help="how long (default: %(default)s)")
+    run.add_argument("--workers", type=int, default=2, help="how many inputs at a time (default: %(default)s)")
+    run.add_argument("--seed-from", type=int, default=0, help="lowest seed (default: %(default)s)")
+    again = commands.add_parser("again", help="run what failed once more, and note what is mended")
+    summary = commands.add_parser("summary", help="print the table for the documentation")
+    for one in (run, again, summary):
+        one.add_argument("--ledger", type=Path, default=Path("fuzz.jsonl"), help="file (default: %(default)s)")
+    replay = commands.add_parser("replay", help="print an input as Python code, and what goes wrong")
+    replay.add_argument("seed", type=int)
+    replay.add_argument("--shrink", action="store_true", help="look for a smaller input that fails in the same way")
+    options = parser.parse_args()
+    match options.command:
+        case "run":
+            ledger = Ledger(options.ledger)
+            failures = runner.run(ledger, 60 * options.minutes, options.workers, options.seed_from)
+            print(ledger.summary())
+            return bool(failures)
+        case "again":
+            ledger = Ledger(options.ledger)
+            runner.again(ledger)
+            return bool(ledger.failures())
+        case "summary":
+            print(Ledger(options.ledger).summary())
+            return 0
+    given = inputs.make(options.seed)
+    if options.shrink:
+        given = shrink.shrink(given)
+    print(show.code(given))
+    print(f"# changes: {given.wild}")
+    team = runner.Team()
+    try:
+        faults = [] if options.shrink else team.run(options.seed).faults
+    finally:
+        team.close()
+    for kind, text in faults:
+        print(f"# {kind}: {text}")
+    if options.shrink:
+        print(f"# {shrink.kind_of(given)}")
+    return bool(faults)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Checks of reconstructions: what they say of themselves follows from their map and the input."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from . import measure
+from .measure import Request
+
+Fault = tuple[str, str]
+"""A kind, and what was found."""
+INFINITE = "parallel within their noise"
+"""The reason of a landmark at infinity, whose bearings stay in the cost."""
+MINIMA = ("converged", "zero_residual", "no_progress")
+
+
+def check(request: Request, result: Any, *, refined: bool) -> Iterator[Fault]:
+    """Faults of a result, its alternatives and its components."""
+    table = result.residuals.ndim == 2
+    yield from _of_one(request, result, refined, table, result.components)
+    for k, other in enumerate(result.alternatives):
+        yield from _named(f"alternative {k}", _of_one(request, other, refined, table, other.components))
+    for k, other in enumerate(result.components):
+        yield from _named(f"component {k}", _of_one(request, other, refined, table, None))
+    costs = [other.cost for other in result.alternatives]
+    if any(second < first * (1 - 1e-9) for first, second in itertools.pairwise(costs)):
+        yield "order", f"alternatives cost {costs}"
+    same = [other.cost for other in result.alternatives if not result.undetermined and not other.undetermined]
+    if not request.robust and same and min(same) < result.cost * (1 - 1e-6) - 1e-12 and refined:
+        yield "order", f"cost {result.cost!r}, that of an alternative {min(same)!r}"
+    yield from _apart(result)
+    yield from _covariances(result)
+
+
+def _named(name: str, faults: Iterator[Fault]) -> Iterator[Fault]:
+    for kind, text in faults:
+        yield kind, f"{name}: {text}"
+
+
+def _of_one(request: Request, result: Any, refined: bool, table: bool, components: Any) -> Iterator[Fault]:
+    shapes = (result.poses.shape, result.landmarks.shape)
+    if shapes != ((request.views, 3), (request.landmarks, 2)):
+        yield "shape", f"{shapes} of {request.views} views and {request.landmarks} landmarks"
+        return
+    yield from _values(result, refined)
+    yield from _listed(result, components)
+    given = result.residuals[request.view, request.landmark] if table else result.residuals
+    inliers = result.inliers[request.view, request.landmark] if table else result.inliers
+    if table and np.isfinite(result.residuals).sum() != np.isfinite(given).sum():
+        yield "residuals", "a residual where nothing was seen"
+    at_infinity = _at_infinity(result)
+    residual, rounding = measure.residuals(request, result.poses, result.landmarks)
+    far = np.isin(request.landmark, at_infinity) & np.isfinite(result.poses[request.view, 0])
+    residual[far], rounding[far] = given[far], 1e-9
+    yield from _residuals(request, given, residual, rounding)
+    yield from _inliers(request, given, inliers)
+    yield from _cost(request, result, given, rounding, at_infinity, components)
+    yield from _numbers(request, result, given, inliers, at_infinity)
+    yield from _frame(request, result)
+
+
+def _values(result: Any, refined: bool) -> Iterator[Fault]:
+    for name, rows in (("poses", result.poses), ("landmarks", result.landmarks)):
+        whole = np.isfinite(rows).all(axis=1) | np.isnan(rows).all(axis=1)
+        if not whole.all():
+            yield "values", f"{name}[{np.argmin(whole)}] is {rows[np.argmin(whole)]}"
+    if np.any(np.abs(result.poses[:, 2]) > np.pi):
+        yield "values", "a heading beyond pi"
+    if not (np.isfinite(result.cost) and result.cost >= 0):
+        yield "cost", f"is {result.cost}"
+    if result.converged != (result.termination in MINIMA):
+        yield "termination", f"converged {result.converged}, {result.termination}"
+    if not refined and result.termination != "not_refined":
+        yield "termination", f"{result.termination} without a refinement"
+    for name in ("sensitivity", "uncertainty"):
+        if getattr(result, name) < 0:
+            yield name, f"is {getattr(result, name)}"
+
+
+def _listed(result: Any, components: Any) -> Iterator[Fault]:
+    """What is NaN is listed as undetermined or in a component, and nothing is both."""
+    for kind, rows in (("view", result.poses), ("landmark", result.landmarks)):
+        listed = [one.index for one in result.undetermined if one.kind == kind]
+        missing = set(np.flatnonzero(np.isnan(rows[:, 0])).tolist())
+        if len(set(listed)) < len(listed):
+            yield "undetermined", f"{kind}s {sorted(listed)} repeat"
+        if not set(listed) <= missing:
+            yield "undetermined", f"{kind}s {sorted(set(listed) - missing)} have values"
+        if components is None:
+            continue
+        other = [getattr(one, f"{'pose' if kind == 'view' else kind}s") for one in components]
+        elsewhere = {int(k) for rows in other for k in np.flatnonzero(np.isfinite(rows[:, 0]))}
+        if missing - set(listed) - elsewhere:
+            yield "undetermined", f"{kind}s {sorted(missing - set(listed) - elsewhere)} are NaN, not listed"
+        if set(listed) & elsewhere:
+            yield "undetermined", f"{kind}s {sorted(set(listed) & elsewhere)} are listed, and in a component"
+
+
+def _apart(result: Any) -> Iterator[Fault]:
+    maps = [result, *result.components]
+    views = [set(np.flatnonzero(np.isfinite(one.poses[:, 0])).tolist()) for one in maps]
+    for k in range(1, len(maps)):
+        if any(views[k] & other for other in views[:k]):
+            yield "components", f"component {k - 1} shares views with another map"
+
+
+def _at_infinity(result: Any) -> Any:
+    return np.array(
+        [one.index for one in result.undetermined if one.kind == "landmark" and INFINITE in one.reason], dtype=int
+    )
+
+
+def _residuals(request: Request, given: Any, residual: Any, rounding: Any) -> Iterator[Fault]:
+    if not np.array_equal(np.isfinite(given), np.isfinite(residual)):
+        where = int(np.argmax(np.isfinite(given) != np.isfinite(residual)))
+        yield "residuals", f"of sighting {where}: {given[where]}, expected {residual[where]}"
+        return
+    limit = np.pi if request.oriented else np.pi / 2
+    if np.any(np.abs(given) > limit * (1 + 1e-12)):
+        yield "residuals", f"beyond {limit}"
+    difference = np.abs(measure.fold(given - residual, request.oriented))
+    bad = difference > rounding
+    if bad.any():
+        k = int(np.argmax(bad))
+        yield "residuals", f"of sighting {k}: {given[k]!r}, expected {residual[k]!r} within {rounding[k]:.1e}"
+
+
+def _inliers(request: Request, given: Any, inliers: Any) -> Iterator[Fault]:
+    if np.any(inliers & ~np.isfinite(given)):
+        yield "inliers", "an inlier without a residual"
+    ratio = np.abs(given) / request.sigma
+    bound = 3.0 if request.robust else request.width if request.loss == "truncated" else np.inf
+    known = np.isfinite(given)
+    wrong = known & (inliers != (ratio <= bound)) & (np.abs(ratio - bound) > 1e-6 * bound + 1e-9 / request.sigma)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        yield "inliers", f"sighting {k} at {ratio[k]:.6g} sigma is {'in' if inliers[k] else 'out'}, bound {bound:g}"
+
+
+def _cost(
+    request: Request, result: Any, given: Any, rounding: Any, at_infinity: Any, components: Any
+) -> Iterator[Fault]:
+    bearings, slack = measure.cost_of_bearings(request, given, rounding)
+    priors, loose = measure.cost_of_priors(request, result.poses, result.landmarks)
+    expected = bearings + priors
+    allowed = slack + loose + 1e-8 * expected + 1e-12
+    hidden = any(kind == "landmark" and place[0] in at_infinity for kind, place, _, _ in request.priors)
+    if request.robust and components is None:
+        return  # a component counts what it leaves out in its own way
+    high = np.inf if hidden else result.cost
+    if not (result.cost >= expected - allowed and high <= expected + allowed):
+        yield "cost", f"{result.cost!r}, expected {expected!r} within {allowed:.1e} ({bearings:.6g} + {priors:.6g})"
+
+
+def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinity: Any) -> Iterator[Fault]:
+    known = np.isfinite(given)
+    counted = known & inliers if request.robust else known
+    rms = float(np.sqrt(np.mean(given[counted] ** 2))) if counted.any() else 0.0
+    if counted.any() and not np.isclose(result.rms, rms, rtol=1e-6, atol=1e-9):
+        yield "rms", f"{result.rms!r}, expected {rms!r}"
+    landmarks = result.landmarks.copy()
+    landmarks[at_infinity] = 0.0 if not request.priors else np.nan
+    if request.priors and len(at_infinity):
+        return
+    free, numbers = measure.gauge(request, result.poses, landmarks)
+    if free is None:
+        return
+    unknowns = 3 * np.isfinite(result.poses[:, 0]).sum() + 2 * np.isfinite(landmarks[:, 0]).sum()
+    expected = max(0, int(inliers.sum()) + numbers + free - int(unknowns))
+    if result.freedom != expected:
+        yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
+
+
+def _frame(request: Request, result: Any) -> Iterator[Fault]:
+    """From bearings alone the first view is at the origin, and the mean square distance of the others is 1."""
+    known = result.poses[np.isfinite(result.poses[:, 0])]
+    if request.priors or len(known) == 0:
+        return
+    square = (known[1:, :2] ** 2).sum(axis=1)
+    if np.any(known[0] != 0.0):
+        yield "frame", f"the first view is at {known[0]}"
+    elif len(square) and not np.isclose(np.mean(square), 1.0, rtol=1e-9):
+        yield "frame", f"the others are at a mean square distance of {np.mean(square)!r}"
+    if not request.oriented and np.any(np.abs(known[:, 2]) > np.pi / 2 * (1 + 1e-12)):
+        yield "frame", "a heading beyond pi/2"
+
+
+def _covariances(result: Any) -> Iterator[Fault]:
+    for name, rows in (("pose", result.poses), ("landmark", result.landmarks)):
+        blocks = getattr(result, f"{name}_covariance")
+        if blocks is None:
+            continue
+        unknown = np.isnan(rows[:, 0])
+        if not np.isnan(blocks[unknown]).all():
+            yield "covariance", f"of {name}s that are NaN"
+        variances = np.diagonal(blocks, axis1=1, axis2=2)
+        # What the frame holds has the variance 0, up to rounding.
+        least = 1e-10 * np.max(np.where(np.isfinite(variances), variances, 0), axis=0, initial=0)
+        for k in np.flatnonzero(~unknown):
+            block, own = blocks[k], variances[k]
+            if np.isnan(own).any() or (own < -least).any():
+                yield "covariance", f"variances of {name} {k} are {own}"
+            elif not np.allclose(block, block.T, rtol=1e-9, atol=0, equal_nan=True):
+                yield "covariance", f"of {name} {k} is not symmetric"
+            elif np.isfinite(block).all():
+                width = np.sqrt(np.maximum(own, least) + 1e-300)
+                least_value = np.linalg.eigvalsh(block / np.outer(width, width))[0]
+                if least_value < -1e-6:
+                    yield "covariance", f"of {name} {k} in its own units has the eigenvalue {least_value}"
