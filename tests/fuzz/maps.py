@@ -16,13 +16,15 @@ Fault = tuple[str, str]
 """A kind, and what was found."""
 INFINITE = "parallel within their noise"
 """The reason of a landmark at infinity, whose bearings stay in the cost."""
+FAR = 1e6
+"""Ranges, in extents of the views, beyond which a landmark is at infinity."""
 MINIMA = ("converged", "zero_residual", "no_progress")
 
 
-def check(request: Request, result: Any, *, refined: bool) -> Iterator[Fault]:
+def check(request: Request, result: Any, *, refined: bool, solved: bool = False) -> Iterator[Fault]:
     """Faults of a result, its alternatives and its components."""
     table = result.residuals.ndim == 2
-    yield from _of_one(request, result, refined, table, result.components)
+    yield from _of_one(request, result, refined, table, result.components, solved)
     for k, other in enumerate(result.alternatives):
         yield from _named(f"alternative {k}", _of_one(request, other, refined, table, other.components))
     for k, other in enumerate(result.components):
@@ -42,7 +44,9 @@ def _named(name: str, faults: Iterator[Fault]) -> Iterator[Fault]:
         yield kind, f"{name}: {text}"
 
 
-def _of_one(request: Request, result: Any, refined: bool, table: bool, components: Any) -> Iterator[Fault]:
+def _of_one(
+    request: Request, result: Any, refined: bool, table: bool, components: Any, solved: bool = False
+) -> Iterator[Fault]:
     shapes = (result.poses.shape, result.landmarks.shape)
     if shapes != ((request.views, 3), (request.landmarks, 2)):
         yield "shape", f"{shapes} of {request.views} views and {request.landmarks} landmarks"
@@ -62,6 +66,8 @@ def _of_one(request: Request, result: Any, refined: bool, table: bool, component
     yield from _cost(request, result, given, rounding, at_infinity, components)
     yield from _numbers(request, result, given, inliers, at_infinity)
     yield from _frame(request, result)
+    if solved:
+        yield from _sane(request, result, given, inliers)
 
 
 def _values(result: Any, refined: bool) -> Iterator[Fault]:
@@ -148,7 +154,7 @@ def _cost(
     bearings, slack = measure.cost_of_bearings(request, given, rounding)
     priors, loose = measure.cost_of_priors(request, result.poses, result.landmarks)
     expected = bearings + priors
-    allowed = slack + loose + 1e-8 * expected + 1e-12
+    allowed = slack + loose + 1e-8 * expected + 1e-10
     hidden = any(kind == "landmark" and place[0] in at_infinity for kind, place, _, _ in request.priors)
     if request.robust and components is None:
         return  # a component counts what it leaves out in its own way
@@ -165,7 +171,8 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
         yield "rms", f"{result.rms!r}, expected {rms!r}"
     landmarks = result.landmarks.copy()
     landmarks[at_infinity] = 0.0 if not request.priors else np.nan
-    if request.priors and len(at_infinity):
+    span = measure.extent(np.concatenate([result.poses[:, :2], landmarks]))
+    if request.priors and (len(at_infinity) or span > FAR * measure.extent(result.poses)):
         return
     free, numbers = measure.gauge(request, result.poses, landmarks)
     if free is None:
@@ -174,6 +181,25 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
     expected = max(0, int(inliers.sum()) + numbers + free - int(unknowns))
     if result.freedom != expected:
         yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
+
+
+def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[Fault]:
+    """The views of a map are apart, its landmarks within reach and not behind all that see them."""
+    span = measure.extent(result.poses)
+    distance = np.hypot(*(result.landmarks - np.nanmedian(result.poses[:, :2], axis=0)).T)
+    positions = result.poses[np.isfinite(result.poses[:, 0]), :2]
+    if len(positions) > 3 and result.rms > 0.1:
+        apart = np.hypot(*(positions - np.median(positions, axis=0)).T)
+        if np.median(apart) < 1e-9 * span:
+            yield "collapsed", f"most of {len(positions)} views are in one place, rms {result.rms:.3g}"
+    if result.rms > 1e-9 and span > 0 and np.any(distance > FAR * span):
+        yield "far", f"landmark {np.nanargmax(distance)} is {np.nanmax(distance) / span:.1e} extents away, not listed"
+    if request.oriented:
+        for landmark in np.flatnonzero(np.isfinite(distance)):
+            own = np.abs(given[(request.landmark == landmark) & inliers])
+            if len(own) and own.min() > np.pi / 2:
+                yield "behind", f"landmark {landmark} is behind all that see it: residuals {own.round(2).tolist()}"
+                break
 
 
 def _frame(request: Request, result: Any) -> Iterator[Fault]:

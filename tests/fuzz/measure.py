@@ -92,12 +92,19 @@ def residuals(request: Request, poses: Any, landmarks: Any) -> tuple[Any, Any]:
     offset = point - pose[:, :2]
     distance = np.hypot(offset[:, 0], offset[:, 1])
     residual = fold(turn(offset, pose[:, 2], request.bearing), request.oriented)
-    size = np.abs(pose[:, :2]).sum(axis=1) + np.abs(point).sum(axis=1)
+    # The map was found in another frame, whose origin may be anywhere within the extent of the views.
+    size = np.abs(pose[:, :2]).sum(axis=1) + np.abs(point).sum(axis=1) + extent(poses)
     # A landmark exactly on its view has no bearing; one nearly there has one of any accuracy.
     with np.errstate(divide="ignore", invalid="ignore"):
         rounding = 1e-9 + 64 * EPS * (size / distance + np.abs(request.bearing))
     rounding[distance == 0] = np.pi
     return residual, rounding
+
+
+def extent(poses: Any) -> float:
+    """Longer side of the box around the views."""
+    known = poses[np.isfinite(poses[:, 0]), :2]
+    return float(np.ptp(known, axis=0).max()) if len(known) else 0.0
 
 
 def turn(offset: Any, heading: Any, bearing: Any) -> Any:

@@ -26,7 +26,7 @@ SECONDS = 10.0
 """Longest processor time of one call [s]."""
 MEMORY = 4 * 2**30
 """Largest address space of a worker [bytes]."""
-AGAIN = 3.0
+AGAIN = 0.5
 """A call that took longer is not repeated [s]."""
 
 
