@@ -79,15 +79,17 @@ class Ledger:
         seeds = sum(line["end"] - line["first"] for line in done)
         kinds = Counter(line["faults"][0][0] for line in self.failures().values())
         slowest = max((line["slowest"] for line in done), default=0.0)
+        hours = sum(line["seconds"] for line in done) / 3600
         commits = list(dict.fromkeys(line["commit"] for line in done))
+        higher = sum(len(line["higher"]) for line in done)
         rows = ["| verb | answered | degenerate | refused | failed |", "|---|---|---|---|---|"]
         for verb in sorted({name.split()[0] for name in calls}):
             counts = [calls[f"{verb} {ending}"] for ending in ("answered", "degenerate", "refused", "failed")]
             rows.append(f"| `{verb}` | " + " | ".join(map(str, counts)) + " |")
         return "\n".join(
             [
-                f"{seeds} inputs, {sum(line['seconds'] for line in done) / 3600:.1f} hours, slowest call {slowest:.1f} s, "
-                f"commits {', '.join(commits)}",
+                f"{seeds} inputs, {hours:.1f} hours, slowest call {slowest:.1f} s, commits {', '.join(commits)}",
+                f"maps that cost more than the refinement of the truth: {higher}",
                 "open failures: " + (", ".join(f"{count} {kind}" for kind, count in kinds.most_common()) or "none"),
                 "",
                 *rows,

@@ -66,10 +66,7 @@ class Worker:
         line = self.process.stdout.readline() if ready else b""
         if line:
             return Outcome(**json.loads(line))
-        if not ready:
-            self.process.kill()
-        code = self.process.wait()
-        self.process = None
+        code = self._end(kill=not ready)
         if code == -signal.SIGPROF:
             fault = ("hang", f"more than {SECONDS:g} s of processor time")
         elif not ready:
@@ -82,9 +79,16 @@ class Worker:
     def close(self) -> None:
         """End the process."""
         if self.process is not None:
-            self.process.kill()
-            self.process.wait()
-            self.process = None
+            self._end(kill=True)
+
+    def _end(self, *, kill: bool) -> int:
+        """How the process has ended, or ends now."""
+        process, self.process = self.process, None
+        assert process is not None
+        if kill:
+            process.kill()
+        with process:
+            return process.wait()
 
 
 class Team:
@@ -114,11 +118,13 @@ class Team:
 def chunk(team: Team, first: int, end: int, until: float) -> tuple[int, dict[str, Any], list[Outcome]]:
     """Run seeds from `first`: where it stopped, the line of the ledger, and the failures."""
     calls: Counter[str] = Counter()
-    failed, slowest, begun, seed = [], (0.0, first), time.monotonic(), first
+    failed, higher, slowest, begun, seed = [], [], (0.0, first), time.monotonic(), first
     while seed < end and time.monotonic() < until:
         outcome = team.run(seed)
         calls[f"{outcome.verb} {outcome.ending}"] += 1
         slowest = max(slowest, (outcome.seconds, seed))
+        if outcome.higher:
+            higher.append(seed)
         if outcome.faults:
             failed.append(outcome)
         seed += 1
@@ -127,6 +133,7 @@ def chunk(team: Team, first: int, end: int, until: float) -> tuple[int, dict[str
         "seconds": round(time.monotonic() - begun, 3),
         "slowest": round(slowest[0], 3),
         "slowest_seed": slowest[1],
+        "higher": higher,
     }
     return seed, line, failed
 
