@@ -142,7 +142,9 @@ def _inliers(request: Request, given: Any, inliers: Any) -> Iterator[Fault]:
     ratio = np.abs(given) / request.sigma
     bound = 3.0 if request.robust else request.width if request.loss == "truncated" else np.inf
     known = np.isfinite(given)
-    wrong = known & (inliers != (ratio <= bound)) & (np.abs(ratio - bound) > 1e-6 * bound + 1e-9 / request.sigma)
+    wrong = known & (inliers != (ratio <= bound))
+    if np.isfinite(bound):
+        wrong &= np.abs(ratio - bound) > 1e-6 * bound + 1e-9 / request.sigma
     if wrong.any():
         k = int(np.argmax(wrong))
         yield "inliers", f"sighting {k} at {ratio[k]:.6g} sigma is {'in' if inliers[k] else 'out'}, bound {bound:g}"

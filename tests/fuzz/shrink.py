@@ -69,7 +69,9 @@ def _candidates(given: Input) -> Iterator[Input]:
         value = given.arguments.get(name)
         if isinstance(value, dict):
             count = len(value[INDEXED[name][0]])
-            yield from (_changed(given, name, _rows(value, np.arange(count) != k)) for k in reversed(range(count)))
+            yield from (
+                _changed(given, name, _rows(value, np.arange(count) != k)) for k in reversed(range(count)) if count > 1
+            )
     if isinstance(given.arguments.get("sigma"), np.ndarray):
         yield _changed(given, "sigma", float(np.ravel(given.arguments["sigma"])[0]))
 
