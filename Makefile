@@ -94,6 +94,9 @@ wheel: dist/.built ## Build the wheel into ./dist/
 bench: ## Measure the speed of the core
 	cargo bench $(LOCKED)
 
+fuzz: $(VENV)/.installed ## Fuzz the many-view API for MINUTES=10, continuing the ledger ./fuzz.jsonl
+	$(BIN)/python -m tests.fuzz run --minutes $(or $(MINUTES),10)
+
 docs: $(VENV)/.dev ## Build the documentation of the crate
 	cargo doc $(LOCKED) --no-deps --all-features
 
@@ -125,4 +128,4 @@ $(VENV)/.installed: dist/.built
 	wheel=$$(echo dist/*.whl); $(PIP) install --quiet "$$wheel[plot]"
 	touch $@
 
-.PHONY: help demo test test-rust probe capi header test-python all format lint wheel bench docs clean
+.PHONY: help demo test test-rust probe capi header test-python all format lint wheel bench fuzz docs clean

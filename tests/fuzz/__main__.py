@@ -19,6 +19,7 @@ def main() -> int:
     run.add_argument("--minutes", type=float, default=10.0, help="how long (default: %(default)s)")
     run.add_argument("--workers", type=int, default=2, help="how many inputs at a time (default: %(default)s)")
     run.add_argument("--seed-from", type=int, default=0, help="lowest seed (default: %(default)s)")
+    run.add_argument("--seed-to", type=int, default=runner.LAST, help="end of the seeds (default: none)")
     again = commands.add_parser("again", help="run what failed once more, and note what is mended")
     summary = commands.add_parser("summary", help="print the table for the documentation")
     for one in (run, again, summary):
@@ -30,7 +31,8 @@ def main() -> int:
     match options.command:
         case "run":
             ledger = Ledger(options.ledger)
-            failures = runner.run(ledger, 60 * options.minutes, options.workers, options.seed_from)
+            seeds = (options.seed_from, options.seed_to)
+            failures = runner.run(ledger, 60 * options.minutes, workers=options.workers, seeds=seeds)
             print(ledger.summary())
             return bool(failures)
         case "again":

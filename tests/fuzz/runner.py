@@ -25,6 +25,8 @@ CHUNK = 200
 """Seeds per line of the ledger."""
 PATIENCE = 300.0
 """Longest wait for an answer [s]: only a process that sleeps takes so long."""
+LAST = 2**63
+"""A bound of the seeds that is never reached."""
 THREADS = (1, 2, 7)
 COMPARED = 25
 """One in so many seeds runs on every number of threads; those of a batch or a sweep all do."""
@@ -115,11 +117,11 @@ class Team:
             worker.close()
 
 
-def chunk(team: Team, first: int, end: int, until: float) -> tuple[int, dict[str, Any], list[Outcome]]:
+def chunk(team: Team, first: int, end: int, over: Callable[[], bool]) -> tuple[int, dict[str, Any], list[Outcome]]:
     """Run seeds from `first`: where it stopped, the line of the ledger, and the failures."""
     calls: Counter[str] = Counter()
     failed, higher, slowest, begun, seed = [], [], (0.0, first), time.monotonic(), first
-    while seed < end and time.monotonic() < until:
+    while seed < end and not over():
         outcome = team.run(seed)
         calls[f"{outcome.verb} {outcome.ending}"] += 1
         slowest = max(slowest, (outcome.seconds, seed))
@@ -139,30 +141,39 @@ def chunk(team: Team, first: int, end: int, until: float) -> tuple[int, dict[str
 
 
 def run(
-    ledger: Ledger, seconds: float, workers: int, seed_from: int, tell: Callable[[str], None] = print
+    ledger: Ledger,
+    seconds: float,
+    *,
+    workers: int = 2,
+    seeds: tuple[int, int] = (0, LAST),
+    tell: Callable[[str], None] = print,
 ) -> list[Outcome]:
-    """Run seeds that are not in the ledger until the time is over; the failures."""
-    until = time.monotonic() + seconds
+    """Run seeds that are not in the ledger until there are no more or the time is over; the failures."""
+    until, stopped = time.monotonic() + seconds, threading.Event()
     version = commit()
     results: queue.SimpleQueue[tuple[int, int, dict[str, Any], list[Outcome]]] = queue.SimpleQueue()
     lock = threading.Lock()
-    taken = seed_from
+    taken = seeds[0]
+
+    def over() -> bool:
+        return stopped.is_set() or time.monotonic() >= until
 
     def work() -> None:
         nonlocal taken
         team = Team()
         try:
-            while time.monotonic() < until:
+            while not over():
                 with lock:
                     first, last = ledger.next_free(taken, CHUNK)
-                    taken = last
-                end, line, failed = chunk(team, first, last, until)
-                if end == first:
+                    taken = last = min(last, seeds[1])
+                if first >= last:
                     break
+                end, line, failed = chunk(team, first, last, over)
                 with lock:
                     for one in failed:
                         ledger.add(seed=one.seed, verb=one.verb, faults=one.faults, commit=version)
-                    ledger.add(first=first, end=end, commit=version, **line)
+                    if end > first:
+                        ledger.add(first=first, end=end, commit=version, **line)
                 results.put((first, end, line, failed))
         finally:
             team.close()
@@ -175,6 +186,10 @@ def run(
         try:
             first, end, line, failed = results.get(timeout=0.5)
         except queue.Empty:
+            continue
+        except KeyboardInterrupt:
+            # The workers end their inputs, and the ledger keeps what is done.
+            stopped.set()
             continue
         failures += failed
         tell(f"{first} to {end}: {len(failed)} failed, {line['seconds']:.0f} s, slowest {line['slowest']:.1f} s")
