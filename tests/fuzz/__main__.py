@@ -42,20 +42,25 @@ def main() -> int:
         case "summary":
             print(Ledger(options.ledger).summary())
             return 0
-    given = inputs.make(options.seed)
-    if options.shrink:
-        given = shrink.shrink(given)
-    print(show.code(given))
-    print(f"# changes: {given.wild}")
-    team = runner.Team()
-    try:
-        faults = [] if options.shrink else team.run(options.seed).faults
-    finally:
+    return _replay(options.seed, smaller=options.shrink)
+
+
+def _replay(seed: int, *, smaller: bool) -> int:
+    """Print an input, or a smaller one like it, and its faults."""
+    given = inputs.make(seed)
+    if smaller:
+        prober = shrink.Prober()
+        given = shrink.shrink(given, prober.kind_of)
+        faults = [(prober.kind_of(given), "still")]
+        prober.close()
+    else:
+        team = runner.Team()
+        faults = team.run(seed).faults
         team.close()
+    print(show.code(given))
+    print(f"# wild changes: {given.wild}")
     for kind, text in faults:
         print(f"# {kind}: {text}")
-    if options.shrink:
-        print(f"# {shrink.kind_of(given)}")
     return bool(faults)
 
 

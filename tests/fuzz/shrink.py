@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import multiprocessing
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -18,29 +18,47 @@ INDEXED = {"odometry": ("start", "end"), "pose_priors": ("view",), "landmark_pri
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def kind_of(given: Input) -> str | None:
-    """How an input goes wrong, in a process of its own; None if it does not."""
-    here, there = SPAWN.Pipe()
-    process = SPAWN.Process(target=_serve, args=(given, there))
-    process.start()
-    there.close()
-    kind: str | None
-    try:
-        faults = here.recv()
-        kind = faults[0][0] if faults else None
-    except EOFError:
-        process.join()
-        kind = "hang" if process.exitcode == -signal.SIGPROF else "abort"
-    process.join()
-    return kind
+class Prober:
+    """Says how inputs go wrong, in a process of its own that is started again after it has died."""
+
+    def __init__(self) -> None:
+        self.process: Any = None
+        self.pipe: Any = None
+
+    def kind_of(self, given: Input) -> str | None:
+        """How an input goes wrong; None if it does not."""
+        if self.process is None:
+            self.pipe, there = SPAWN.Pipe()
+            self.process = SPAWN.Process(target=_serve, args=(there,), daemon=True)
+            self.process.start()
+            there.close()
+        self.pipe.send(given)
+        try:
+            faults = self.pipe.recv()
+        except EOFError:
+            self.process.join()
+            code, self.process = self.process.exitcode, None
+            return "hang" if code == -signal.SIGPROF else "abort"
+        return faults[0][0] if faults else None
+
+    def close(self) -> None:
+        """End the process."""
+        if self.process is not None:
+            self.pipe.close()
+            self.process.join()
 
 
-def _serve(given: Input, pipe: Any) -> None:
+def _serve(pipe: Any) -> None:
     worker.limit()
-    pipe.send(worker.run(given).faults)
+    while True:
+        try:
+            given = pipe.recv()
+        except EOFError:
+            return
+        pipe.send(worker.run(given).faults)
 
 
-def shrink(given: Input) -> Input:
+def shrink(given: Input, kind_of: Callable[[Input], str | None]) -> Input:
     """The smallest input found that goes wrong in the same way."""
     kind, smaller = kind_of(given), True
     while smaller and kind is not None:
