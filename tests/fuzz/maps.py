@@ -17,7 +17,7 @@ Fault = tuple[str, str]
 INFINITE = "parallel within their noise"
 """The reason of a landmark at infinity, whose bearings stay in the cost."""
 FAR = 1e6
-"""Ranges, in extents of the views, beyond which a landmark is at infinity."""
+"""Map sizes beyond which nothing can be told of a view or landmark."""
 MINIMA = ("converged", "zero_residual", "no_progress")
 
 
@@ -173,8 +173,7 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
         yield "rms", f"{result.rms!r}, expected {rms!r}"
     landmarks = result.landmarks.copy()
     landmarks[at_infinity] = 0.0 if not request.priors else np.nan
-    span = measure.extent(np.concatenate([result.poses[:, :2], landmarks]))
-    if request.priors and (len(at_infinity) or span > FAR * measure.extent(result.poses)):
+    if (request.priors and len(at_infinity)) or _reach(result) > FAR:
         return
     free, numbers = measure.gauge(request, result.poses, landmarks)
     if free is None:
@@ -185,19 +184,26 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
         yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
 
 
+def _reach(result: Any) -> float:
+    """Distance of the farthest view or landmark from the middle of the map over the median distance, its size."""
+    places = np.concatenate([result.poses[:, :2], result.landmarks])
+    places = places[np.isfinite(places[:, 0])]
+    distance = np.hypot(*(places - np.median(places, axis=0)).T)
+    return float(distance.max() / np.median(distance))
+
+
 def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[Fault]:
     """The views of a map are apart, its landmarks within reach and not behind all that see them."""
-    span = measure.extent(result.poses)
-    distance = np.hypot(*(result.landmarks - np.nanmedian(result.poses[:, :2], axis=0)).T)
-    positions = result.poses[np.isfinite(result.poses[:, 0]), :2]
-    if len(positions) > 3 and result.rms > 0.1:
-        apart = np.hypot(*(positions - np.median(positions, axis=0)).T)
-        if np.median(apart) < 1e-9 * span:
-            yield "collapsed", f"most of {len(positions)} views are in one place, rms {result.rms:.3g}"
-    if result.rms > 1e-9 and span > 0 and np.any(distance > FAR * span):
-        yield "far", f"landmark {np.nanargmax(distance)} is {np.nanmax(distance) / span:.1e} extents away, not listed"
+    known = result.poses[np.isfinite(result.poses[:, 0]), :2]
+    if len(known) > 3 and result.rms > 0.1:
+        apart = np.hypot(*(known - np.median(known, axis=0)).T)
+        if np.median(apart) < 1e-9 * apart.max():
+            yield "collapsed", f"most of {len(known)} views are in one place, rms {result.rms:.3g}"
+            return
+    if result.rms > 1e-9 and _reach(result) > FAR:
+        yield "far", f"a view or landmark is {_reach(result):.1e} map sizes away, not listed"
     if request.oriented:
-        for landmark in np.flatnonzero(np.isfinite(distance)):
+        for landmark in np.flatnonzero(np.isfinite(result.landmarks[:, 0])):
             own = np.abs(given[(request.landmark == landmark) & inliers])
             if len(own) and own.min() > np.pi / 2:
                 yield "behind", f"landmark {landmark} is behind all that see it: residuals {own.round(2).tolist()}"

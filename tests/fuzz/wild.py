@@ -65,7 +65,8 @@ def _changed(dice: Dice, change: str, value: Any) -> Any:
     if change == "empty":
         return array[:0]
     if change == "scale":
-        return array * dice.power(-300, 300)
+        with np.errstate(over="ignore"):
+            return array * dice.power(-300, 300)
     if array.size == 0:
         return array
     k = dice.whole(0, array.size - 1)
