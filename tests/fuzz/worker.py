@@ -121,7 +121,11 @@ def main() -> None:
     threads = int(sys.argv[1])
     limit()
     for line in sys.stdin:
-        outcome = run(inputs.make(int(line)), threads)
+        seed = int(line)
+        try:
+            outcome = run(inputs.make(seed), threads)
+        except Exception:  # noqa: BLE001 - of the generator or the oracle, not of bearslam
+            outcome = Outcome(seed, "any", "failed", "", 0.0, [("fuzzer", traceback.format_exc(limit=-3))])
         print(json.dumps(vars(outcome)), flush=True)
 
 
