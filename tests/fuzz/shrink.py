@@ -82,14 +82,13 @@ def _candidates(given: Input) -> Iterator[Input]:
     if given.verb in MAPS:
         shape = np.shape(given.arguments["bearings"])
         if len(shape) == 2:
-            yield from (_drop(given, axis, k) for axis in range(2) for k in reversed(range(shape[axis])))
+            yield from (_drop(given, axis, gone) for axis in range(2) for gone in _pieces(shape[axis]))
     for name in INDEXED:
         value = given.arguments.get(name)
         if isinstance(value, dict):
             count = len(value[INDEXED[name][0]])
-            yield from (
-                _changed(given, name, _rows(value, np.arange(count) != k)) for k in reversed(range(count)) if count > 1
-            )
+            for gone in _pieces(count):
+                yield _changed(given, name, _rows(value, ~np.isin(np.arange(count), gone)))
     if isinstance(given.arguments.get("sigma"), np.ndarray):
         yield _changed(given, "sigma", float(np.ravel(given.arguments["sigma"])[0]))
 
@@ -121,24 +120,31 @@ def _rows(value: dict[str, Any], keep: Any) -> dict[str, Any]:
     }
 
 
-def _drop(given: Input, axis: int, k: int) -> Input:
-    """Without view (axis 0) or landmark (axis 1) k, and what refers to it."""
+def _pieces(count: int) -> Iterator[Any]:
+    """Parts of a list to try without: halves, quarters, and in the end single entries."""
+    size = count // 2
+    while size >= 1:
+        yield from (np.arange(first, min(first + size, count)) for first in range(0, count, size))
+        size //= 2
+
+
+def _drop(given: Input, axis: int, gone: Any) -> Input:
+    """Without some views (axis 0) or landmarks (axis 1), and what refers to them."""
     arguments = dict(given.arguments)
     for name in ("bearings", "sigma"):
         if np.ndim(arguments.get(name, 0)) == 2:
-            arguments[name] = np.delete(arguments[name], k, axis=axis)
+            arguments[name] = np.delete(arguments[name], gone, axis=axis)
     if "start" in arguments:
         parts = list(arguments["start"])
-        if len(parts[axis]) > k:
-            parts[axis] = np.delete(parts[axis], k, axis=0)
+        parts[axis] = np.delete(parts[axis], gone[gone < len(parts[axis])], axis=0)
         arguments["start"] = tuple(parts)
     for name, ends in INDEXED.items():
         value = arguments.get(name)
         if not isinstance(value, dict) or (axis == 1) != (name == "landmark_priors"):
             continue
-        keep = np.all([np.asarray(value[end]) != k for end in ends], axis=0)
+        keep = np.all([~np.isin(value[end], gone) for end in ends], axis=0)
         rows = _rows(value, keep)
-        rows |= {end: rows[end] - (rows[end] > k) for end in ends}
+        rows |= {end: rows[end] - np.searchsorted(gone, rows[end]) for end in ends}
         if keep.any():
             arguments[name] = rows
         else:
