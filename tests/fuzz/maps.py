@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import measure
+from . import measure, minimum
 from .measure import Request
 
 Fault = tuple[str, str]
@@ -18,6 +18,14 @@ INFINITE = "parallel within their noise"
 """The reason of a landmark at infinity, whose bearings stay in the cost."""
 FAR = 1e6
 """Map sizes beyond which nothing can be told of a view or landmark."""
+NEAR = 1e3
+"""The same, beyond which the map may be on the boundary of its space, where it need not be a minimum."""
+LEAST = 0.01
+"""Share of the cost that a converged map may still promise to lose."""
+TIGHT = 1e-6
+"""Largest tolerance with which a refinement ends at a minimum."""
+LARGEST = 300
+"""Sightings of the largest map that is tested for it."""
 MINIMA = ("converged", "zero_residual", "no_progress")
 
 
@@ -66,6 +74,8 @@ def _of_one(
     yield from _cost(request, result, given, rounding, at_infinity, components)
     yield from _numbers(request, result, given, inliers, at_infinity)
     yield from _frame(request, result)
+    if result.converged and request.tolerance <= TIGHT and not len(at_infinity) and len(request.view) < LARGEST:
+        yield from _minimum(request, result, given)
     if solved:
         yield from _sane(request, result, given, inliers)
 
@@ -182,6 +192,20 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
     expected = max(0, int(inliers.sum()) + numbers + free - int(unknowns))
     if result.freedom != expected:
         yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
+
+
+def _minimum(request: Request, result: Any, given: Any) -> Iterator[Fault]:
+    """A map that has converged is a minimum, unless a landmark slides onto a view or away."""
+    known = np.isfinite(given)
+    if not known.any():
+        return
+    offset = result.landmarks[request.landmark[known]] - result.poses[request.view[known], :2]
+    distance = np.hypot(*offset.T)
+    if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or result.cost < 1e-6:
+        return
+    gain = minimum.gain(request, result, given)
+    if gain > LEAST:
+        yield "minimum", f"converged ({result.termination}), but one more step promises {gain:.1%} of {result.cost!r}"
 
 
 def _reach(result: Any) -> float:

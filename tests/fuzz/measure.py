@@ -29,6 +29,7 @@ class Request:
     loss: str
     width: float
     robust: bool
+    tolerance: float
     priors: list[tuple[str, tuple[int, ...], Any, Any]] = field(default_factory=list)
 
     @classmethod
@@ -38,7 +39,8 @@ class Request:
         view, landmark = np.nonzero(~np.isnan(table))
         sigma = np.broadcast_to(np.asarray(arguments.get("sigma", 1.0), dtype=float), table.shape)
         loss = arguments.get("loss", "squared")
-        width = (arguments.get("refinement") or {}).get("loss_scale")
+        refinement = arguments.get("refinement") or {}
+        width = refinement.get("loss_scale")
         made = cls(
             *table.shape,
             view,
@@ -49,6 +51,7 @@ class Request:
             loss,
             WIDTHS.get(loss, np.inf) if width is None else width,
             arguments.get("robust", False),
+            refinement.get("tolerance", 1e-10),
         )
         if joint:
             made._take_priors(arguments)

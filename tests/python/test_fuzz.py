@@ -13,7 +13,7 @@ from tests.fuzz.ledger import Ledger, merged
 import bearslam
 
 SECONDS, SEEDS = 30.0, 2000
-OPEN = {"freedom", "far", "behind", "covariance"}
+OPEN = {"freedom", "far", "behind", "covariance", "minimum"}
 """Kinds of faults that are known and not yet mended."""
 
 
