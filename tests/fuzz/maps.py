@@ -237,7 +237,7 @@ def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[F
 def _frame(request: Request, result: Any) -> Iterator[Fault]:
     """From bearings alone the first view is at the origin, and the mean square distance of the others is 1."""
     known = result.poses[np.isfinite(result.poses[:, 0])]
-    if request.priors or len(known) == 0:
+    if request.priors or len(known) == 0 or _reach(result) > FAR:
         return
     square = (known[1:, :2] ** 2).sum(axis=1)
     if np.any(known[0] != 0.0):

@@ -99,7 +99,7 @@ def residuals(request: Request, poses: Any, landmarks: Any) -> tuple[Any, Any]:
     size = np.abs(pose[:, :2]).sum(axis=1) + np.abs(point).sum(axis=1) + extent(poses)
     # A landmark exactly on its view has no bearing; one nearly there has one of any accuracy.
     with np.errstate(divide="ignore", invalid="ignore"):
-        rounding = 1e-9 + 64 * EPS * (size / distance + np.abs(request.bearing))
+        rounding = 1e-9 + 256 * EPS * (size / distance + np.abs(request.bearing))
     rounding[distance == 0] = np.pi
     return residual, rounding
 

@@ -23,7 +23,7 @@ def gain(request: Request, result: Any, residual: Any) -> float:
             rows = np.concatenate([rows, root @ row])
             values = np.concatenate([values, root @ error])
     lengths = np.linalg.norm(rows, axis=0)
-    if not (np.isfinite(lengths).all() and np.isfinite(values).all()):
+    if not (np.isfinite(lengths).all() and np.isfinite(values).all() and lengths.any()):
         return 0.0
     scaled = rows[:, lengths > 0] / lengths[lengths > 0]
     left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
