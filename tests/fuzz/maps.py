@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -208,12 +208,13 @@ def _minimum(request: Request, result: Any, given: Any) -> Iterator[Fault]:
         yield "minimum", f"converged ({result.termination}), but one more step promises {gain:.1%} of {result.cost!r}"
 
 
-def _reach(result: Any) -> float:
+def _reach(result: Any, without: Sequence[int] = ()) -> float:
     """Distance of the farthest view or landmark from the middle of the map over the median distance, its size."""
     places = np.concatenate([result.poses[:, :2], result.landmarks])
-    places = places[np.isfinite(places[:, 0])]
-    distance = np.hypot(*(places - np.median(places, axis=0)).T)
-    return float(distance.max() / np.median(distance))
+    distance = np.hypot(*(places - np.nanmedian(places, axis=0)).T)
+    size = np.nanmedian(distance)
+    distance[len(result.poses) + np.asarray(without, dtype=int)] = 0.0
+    return float(np.nanmax(distance) / size)
 
 
 def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[Fault]:
@@ -224,8 +225,9 @@ def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[F
         if np.median(apart) < 1e-9 * apart.max():
             yield "collapsed", f"most of {len(known)} views are in one place, rms {result.rms:.3g}"
             return
-    if result.rms > 1e-9 and _reach(result) > FAR:
-        yield "far", f"a view or landmark is {_reach(result):.1e} map sizes away, not listed"
+    known_far = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
+    if result.rms > 1e-9 and (reach := _reach(result, known_far)) > FAR:
+        yield "far", f"a view or landmark is {reach:.1e} map sizes away, not listed"
     if request.oriented:
         for landmark in np.flatnonzero(np.isfinite(result.landmarks[:, 0])):
             own = np.abs(given[(request.landmark == landmark) & inliers])
