@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import multiprocessing
 import signal
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -58,39 +59,54 @@ def _serve(pipe: Any) -> None:
         pipe.send(worker.run(given).faults)
 
 
-def shrink(given: Input, kind_of: Callable[[Input], str | None]) -> Input:
-    """The smallest input found that goes wrong in the same way."""
+def shrink(given: Input, kind_of: Callable[[Input], str | None], seconds: float = 120.0) -> Input:
+    """The smallest input found within a time that goes wrong in the same way."""
+    end = time.monotonic() + seconds
     kind, smaller = kind_of(given), True
     while smaller and kind is not None:
         smaller = False
-        for candidate in _candidates(given):
-            if kind_of(candidate) == kind:
-                given, smaller = candidate, True
-                break
+        for candidates in (_views_and_landmarks, _arguments, _entries):
+            found: Input | None = given
+            while found is not None and time.monotonic() < end:
+                given, found = found, None
+                for candidate in candidates(given):
+                    if time.monotonic() > end:
+                        break
+                    if kind_of(candidate) == kind:
+                        found, smaller = candidate, True
+                        break
     return given
 
 
-def _candidates(given: Input) -> Iterator[Input]:
-    for name in list(given.arguments):
+def _views_and_landmarks(given: Input) -> Iterator[Input]:
+    """Fewer views and landmarks."""
+    shape = np.shape(given.arguments.get("bearings", 0))
+    if given.verb in MAPS and len(shape) == 2:
+        for axis in range(2):
+            yield from (_drop(given, axis, gone) for gone in _pieces(shape[axis]))
+
+
+def _arguments(given: Input) -> Iterator[Input]:
+    """Fewer arguments and options."""
+    for name, value in given.arguments.items():
         if name not in ("bearings", "form", "start", "poses", "landmarks", "source", "target"):
             yield _without(given, name)
-        value = given.arguments[name]
         if isinstance(value, dict) and name in ("search", "refinement"):
             yield from (_changed(given, name, _less(value, key)) for key in value)
     if given.arguments.get("form", "dense") != "dense":
         yield _changed(given, "form", "dense")
-    if given.verb in MAPS:
-        shape = np.shape(given.arguments["bearings"])
-        if len(shape) == 2:
-            yield from (_drop(given, axis, gone) for axis in range(2) for gone in _pieces(shape[axis]))
+    if isinstance(given.arguments.get("sigma"), np.ndarray):
+        yield _changed(given, "sigma", float(np.ravel(given.arguments["sigma"])[0]))
+
+
+def _entries(given: Input) -> Iterator[Input]:
+    """Fewer motions and priors."""
     for name in INDEXED:
         value = given.arguments.get(name)
         if isinstance(value, dict):
             count = len(value[INDEXED[name][0]])
             for gone in _pieces(count):
                 yield _changed(given, name, _rows(value, ~np.isin(np.arange(count), gone)))
-    if isinstance(given.arguments.get("sigma"), np.ndarray):
-        yield _changed(given, "sigma", float(np.ravel(given.arguments["sigma"])[0]))
 
 
 def _less(value: dict[str, Any], key: str) -> dict[str, Any]:
