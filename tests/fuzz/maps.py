@@ -201,7 +201,8 @@ def _minimum(request: Request, result: Any, given: Any) -> Iterator[Fault]:
         return
     offset = result.landmarks[request.landmark[known]] - result.poses[request.view[known], :2]
     distance = np.hypot(*offset.T)
-    if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or result.cost < 1e-6:
+    tiny = result.cost < 1e-6 or result.rms < 1e-13
+    if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or tiny:
         return
     gain = minimum.gain(request, result, given)
     if gain > LEAST:
