@@ -58,7 +58,7 @@ def _replay(seed: int, *, smaller: bool) -> int:
         faults = team.run(seed).faults
         team.close()
     print(show.code(given))
-    print(f"# wild changes: {given.wild}")
+    print(f"# wild changes: {given.wild}; layout: {given.truth.layout if given.truth else 'changed'}")
     for kind, text in faults:
         print(f"# {kind}: {text}")
     return bool(faults)

@@ -36,6 +36,7 @@ class Scene:
     robots: Any
     bearings: Any
     noise: float
+    layout: str
 
 
 def wrap(angle: Any) -> Any:
@@ -59,7 +60,7 @@ def draw(dice: Dice) -> Scene:
     _hide(dice, layout, bearings, np.hypot(offset[..., 0], offset[..., 1]), robots)
     if dice.chance(0.15):
         _spoil(dice, bearings)
-    return Scene(poses, points, robots, wrap(bearings), noise)
+    return Scene(poses, points, robots, wrap(bearings), noise, layout)
 
 
 def _size(dice: Dice) -> tuple[int, int]:
