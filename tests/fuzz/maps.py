@@ -59,6 +59,9 @@ def _of_one(
     if shapes != ((request.views, 3), (request.landmarks, 2)):
         yield "shape", f"{shapes} of {request.views} views and {request.landmarks} landmarks"
         return
+    if not np.isfinite(result.poses[:, 0]).any():
+        yield "empty", "no view has a pose"
+        return
     yield from _values(result, refined)
     yield from _listed(result, components)
     given = result.residuals[request.view, request.landmark] if table else result.residuals
@@ -170,6 +173,8 @@ def _cost(
     hidden = any(kind == "landmark" and place[0] in at_infinity for kind, place, _, _ in request.priors)
     if request.robust and components is None:
         return  # a component counts what it leaves out in its own way
+    if request.priors and _in_one_place(result.poses[np.isfinite(result.poses[:, 0])]):
+        return  # distances are all rounding
     high = np.inf if hidden else result.cost
     if not (result.cost >= expected - allowed and high <= expected + allowed):
         yield "cost", f"{result.cost!r}, expected {expected!r} within {allowed:.1e} ({bearings:.6g} + {priors:.6g})"
@@ -237,11 +242,16 @@ def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[F
                 break
 
 
+def _in_one_place(poses: Any) -> bool:
+    """Whether several views are so close together that their distances are rounding."""
+    return len(poses) > 1 and bool(measure.extent(poses) <= 1e-9 * max(1.0, np.abs(poses[:, :2]).max()))
+
+
 def _frame(request: Request, result: Any) -> Iterator[Fault]:
     """From bearings alone the first view is at the origin, and the mean square distance of the others is 1."""
     known = result.poses[np.isfinite(result.poses[:, 0])]
-    if request.priors or len(known) == 0 or _reach(result) > FAR:
-        return
+    if request.priors or _reach(result) > FAR or _in_one_place(known):
+        return  # only a map with a size has a frame
     square = (known[1:, :2] ** 2).sum(axis=1)
     if np.any(known[0] != 0.0):
         yield "frame", f"the first view is at {known[0]}"

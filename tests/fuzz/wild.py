@@ -16,7 +16,10 @@ def damage(dice: Dice, arguments: dict[str, Any]) -> list[str]:
     """Change one to three of the numbers or arrays of some arguments in place; what was done, in words."""
     done = []
     for _ in range(dice.pick([1, 1, 1, 2, 3])):
-        path = dice.pick(_paths(arguments))
+        paths = _paths(arguments)
+        if not paths:
+            break
+        path = dice.pick(paths)
         change = dice.weighted(CHANGES)
         *way, last = path
         place = arguments
