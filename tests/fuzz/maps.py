@@ -231,11 +231,12 @@ def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[F
         if np.median(apart) < 1e-9 * apart.max():
             yield "collapsed", f"most of {len(known)} views are in one place, rms {result.rms:.3g}"
             return
-    known_far = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
-    if result.rms > 1e-9 and (reach := _reach(result, known_far)) > FAR:
+    given_places = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
+    if result.rms > 1e-9 and (reach := _reach(result, given_places)) > FAR:
         yield "far", f"a view or landmark is {reach:.1e} map sizes away, not listed"
     if request.oriented:
-        for landmark in np.flatnonzero(np.isfinite(result.landmarks[:, 0])):
+        free = np.setdiff1d(np.flatnonzero(np.isfinite(result.landmarks[:, 0])), given_places)
+        for landmark in free:
             own = np.abs(given[(request.landmark == landmark) & inliers])
             if len(own) and own.min() > np.pi / 2:
                 yield "behind", f"landmark {landmark} is behind all that see it: residuals {own.round(2).tolist()}"
