@@ -8,7 +8,7 @@
 
 mod headings;
 pub(crate) mod options;
-mod positions;
+pub(crate) mod positions;
 mod relative;
 
 use super::options::{Progress, SolveOptions, report_progress};

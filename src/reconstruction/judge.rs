@@ -3,10 +3,11 @@
 //! equally good, and which of several is the best.
 
 use super::result::Reconstruction;
+use crate::adjustment::gauge::gauge_and_prior_numbers;
 use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-use crate::lm::Termination;
+use crate::lm::{Loss, Termination};
 use crate::problem::{Map, Problem, Undetermined, Why};
 use crate::uncertainty::sensitivity;
 use alloc::vec::Vec;
@@ -131,16 +132,30 @@ pub fn is_plausible(found: &Reconstruction, options: &JudgeOptions) -> bool {
             && deviation * deviation <= bound * bound * 2.0 * freedom)
 }
 
-/// Whether the cost of a map with odometry and priors is no more than the standard deviations predict, and it
-/// reaches all that any start would. A lower cost is no objection.
+/// Whether the cost of a map is higher than the stated standard deviations allow. Never where all are one radian: they
+/// then only state relative weights.
+pub fn is_too_costly(problem: &Problem, found: &Reconstruction, options: &JudgeOptions) -> bool {
+    let stated = problem.sightings().iter().any(|s| s.weight != 1.0);
+    let freedom = found.freedom as f64;
+    let bound = options.plausible_deviations;
+    stated && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
+}
+
+/// Whether the cost of a map with odometry and priors is what the standard deviations predict, and it reaches all that
+/// any start would.
+///
+/// With few degrees of freedom a low cost is no objection; with many it says that the standard deviations are too
+/// large to tell the right minimum by.
 pub fn is_plausible_posterior(found: &Reconstruction, options: &JudgeOptions) -> bool {
     let bound = options.plausible_deviations;
     let freedom = found.freedom as f64;
     let excess = 2.0 * found.cost - freedom;
+    let tells = found.freedom >= options.telling_freedom;
+    let deviation = if tells { excess.abs() } else { excess };
     let hopeless = |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. });
     found.termination.was_successful()
         && found.undetermined.iter().all(hopeless)
-        && excess <= 0.0_f64.max(bound * (2.0 * freedom).sqrt())
+        && deviation <= bound * (2.0 * freedom).sqrt()
 }
 
 /// Whether a robust map with odometry and priors contains everything that any start could determine, with no
@@ -207,16 +222,17 @@ fn inliers_and_outliers(found: &Reconstruction) -> (usize, usize) {
     (inliers, found.inliers.len() - inliers)
 }
 
-/// Whether two normalised maps are the same minimum.
+/// Whether two maps in one frame are the same minimum.
 pub fn same(a: &Map, b: &Map, options: &JudgeOptions) -> bool {
     near(a, b, options.same)
 }
 
-/// Whether all poses of two normalised maps differ by less than a bound.
+/// Whether all poses of two maps in one frame differ by less than a bound, positions as a part of the size of the map.
 pub fn near(a: &Map, b: &Map, near: f64) -> bool {
+    let far = near * size(a);
     a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
         (Some(a), Some(b)) => {
-            (a.translation.vector - b.translation.vector).norm() < near
+            (a.translation.vector - b.translation.vector).norm() < far
                 && a.rotation.angle_to(&b.rotation).abs() < near
         }
         (None, None) => true,
@@ -224,26 +240,60 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
     })
 }
 
+/// The root mean square distance of the other views from the first; 1 for a single view.
+pub fn size(map: &Map) -> f64 {
+    let mut places = map
+        .poses
+        .iter()
+        .flatten()
+        .map(|pose| pose.translation.vector);
+    let Some(first) = places.next() else {
+        return 1.0;
+    };
+    let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| {
+        (sum + (place - first).norm_squared(), count + 1.0)
+    });
+    if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+}
+
+/// What makes maps comparable that do not explain the same sightings: the cost of each, with a price for every number
+/// that it does not explain.
+///
+/// The price is the cost of a residual three times as large as that of an outlier in units of the noise, so that a
+/// complete map wins over one that leaves something out unless it explains that very badly. The noise is that of the best fit of those maps that have
+/// at least half of the degrees of freedom: a map of little explains it too well.
+pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOptions) -> Vec<f64> {
+    let most = found.iter().map(|found| found.freedom).max().unwrap_or(0);
+    let telling = found.iter().filter(|found| 2 * found.freedom >= most);
+    let noise = telling.map(variance).fold(f64::INFINITY, f64::min);
+    let outlier = 0.5 * Loss::<f64>::TRUNCATED * Loss::<f64>::TRUNCATED;
+    let each =
+        outlier * (options.rival_ratio * noise + rounding(mean_weight(problem)));
+    let prior_numbers = |found: &Reconstruction| gauge_and_prior_numbers(problem, &found.map).1;
+    let numbers: Vec<usize> = found.iter().map(prior_numbers).collect();
+    let all = numbers.iter().copied().max().unwrap_or(0);
+    found
+        .iter()
+        .zip(numbers)
+        .map(|(found, numbers)| {
+            let unexplained = found.residuals.iter().filter(|residual| residual.is_none());
+            found.cost + each * (unexplained.count() + all - numbers) as f64
+        })
+        .collect()
+}
+
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 pub fn choose(
     problem: &Problem,
-    mut found: Vec<Reconstruction>,
+    found: Vec<Reconstruction>,
     options: &JudgeOptions,
 ) -> Result<Reconstruction, Error> {
     let ratio = options.rival_ratio;
-    let least = found.iter().map(variance).fold(f64::INFINITY, f64::min);
     let rounding = rounding(mean_weight(problem));
-    // Of those that fit about as well as the best, the one that leaves least undetermined.
-    let rank = |found: &Reconstruction| {
-        let variance = variance(found);
-        let fits = is_as_good(variance, least, ratio, rounding);
-        (!fits, if fits { missing(found) } else { 0 }, variance)
-    };
-    found.sort_by(|a, b| {
-        let (a, b) = (rank(a), rank(b));
-        (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2))
-    });
-    let mut found = found.into_iter();
+    let prices = prices(problem, &found, options);
+    let mut ranked: Vec<(f64, Reconstruction)> = prices.into_iter().zip(found).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found = ranked.into_iter().map(|(_, found)| found);
     let mut best = found.next().ok_or(Error::Degenerate {
         kind: Degeneracy::NoHypothesis,
         value: 0.0,
@@ -254,9 +304,7 @@ pub fn choose(
         let known = core::iter::once(&best).chain(&best.alternatives);
         if is_as_good(variance(&rival), least, ratio, rounding)
             && missing(&rival) == missing(&best)
-            && known
-                .into_iter()
-                .all(|other| !same(&rival.map, &other.map, options))
+            && known.into_iter().all(|other| !same(&rival.map, &other.map, options))
         {
             best.alternatives.push(rival);
         }
@@ -264,7 +312,7 @@ pub fn choose(
     Ok(best)
 }
 
-/// Number of undetermined views and landmarks.
+/// Views and landmarks that a map does not reach.
 fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod frames;
 mod growth;
+mod headings;
+mod known;
 mod least_squares;
 pub(crate) mod options;
 pub(crate) mod posterior;

@@ -14,7 +14,7 @@ use super::incremental::options::IncrementalOptions;
 use super::infinity::InfinityOptions;
 use super::judge::JudgeOptions;
 use super::odometry::options::{
-    OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
+    HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
     StrideOptions,
 };
 use super::robust::options::RobustOptions;
@@ -71,6 +71,8 @@ pub struct StageOptions {
     pub posterior: PosteriorOptions,
     /// Growth along odometry, of both kinds.
     pub odometry_growth: OdometryGrowthOptions,
+    /// Headings of views whose positions are known.
+    pub headings: HeadingOptions,
     /// Growth along odometry by least squares.
     pub stride: StrideOptions,
     /// Growth along odometry with outliers.

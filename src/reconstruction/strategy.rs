@@ -3,7 +3,8 @@
 
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
-use super::judge::{assess, judged};
+use super::attempt::recoverable;
+use super::judge::{assess, choose, is_too_costly, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::search::hypotheses::{self, MIN_SHARED};
@@ -25,6 +26,9 @@ fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
 
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
+/// Where it fits worse than the stated standard deviations allow, the search goes on: with the other strategy, then with
+/// another seed.
+///
 /// # Errors
 /// As [`solve`](super::solve).
 pub fn solve(
@@ -32,7 +36,45 @@ pub fn solve(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    judged(problem, lowest(problem, options, progress)?)
+    let best = lowest(problem, options, progress)?;
+    judged(problem, persist(problem, options, best, progress)?)
+}
+
+/// The best of a map and of what two further searches find, unless it is as good as the standard deviations predict.
+fn persist(
+    problem: &Problem,
+    options: &SolveOptions,
+    best: Reconstruction,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let judge = &options.stages.judge;
+    if !is_too_costly(problem, &best, judge) || matches!(options.strategy, Strategy::FirstViews(_)) {
+        return Ok(best);
+    }
+    let mut other = *options;
+    let incremental = effective(problem, options) == Strategy::Incremental;
+    if incremental && problem.views() <= options.stages.sight.many_views {
+        other.strategy = Strategy::Search;
+        // Whatever the views see.
+        other.stages.sight.filled = 0.0;
+    } else {
+        other.strategy = Strategy::Incremental;
+    }
+    let mut found = vec![best];
+    for (further, seed) in [(&other, 1), (options, 2)] {
+        let further = SolveOptions {
+            seed: options.seed.wrapping_add(seed),
+            ..*further
+        };
+        if let Ok(map) = recoverable(lowest(problem, &further, progress))? {
+            let enough = !is_too_costly(problem, &map, judge);
+            found.push(map);
+            if enough {
+                break;
+            }
+        }
+    }
+    choose(problem, found, judge)
 }
 
 /// As [`solve`], but not yet tested for free directions.

@@ -4,7 +4,7 @@
 use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
-use super::gates::noise;
+use super::gates::{Fit, noise};
 use super::options::IncrementalOptions;
 use super::place;
 use crate::error::Error;
@@ -62,14 +62,31 @@ fn refined(
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
 }
 
-/// Adds everything that the gates have kept out and that can be placed at all.
-///
-/// A landmark that fits better far out along its rays starts there: the refinement decides whether it is at
-/// infinity.
+/// Adds everything that the gates have kept out and that can be placed at all, for the last refinement.
 fn complete(problem: &Problem, options: &IncrementalOptions, map: &mut Map, allowed: &[bool]) {
     let noise = noise(problem, map, options);
     let [.., widest] = options.gates;
-    // Twice: new landmarks allow new views, and these allow further landmarks.
+    place_rest(problem, options, map, |view, fit| {
+        allowed[view] && fit.passes(MIN_LANDMARKS_OF_VIEW, noise, widest)
+    });
+}
+
+/// Adds all views and landmarks that can be placed at all, however badly they fit.
+pub fn place_all(problem: &Problem, options: &IncrementalOptions, map: &mut Map) {
+    place_rest(problem, options, map, |_, _| true);
+}
+
+/// Adds the landmarks that can be placed at all, and the views that may be taken.
+///
+/// A landmark whose rays do not meet ahead is put far out along them: the refinement finds out whether it is at
+/// infinity.
+fn place_rest(
+    problem: &Problem,
+    options: &IncrementalOptions,
+    map: &mut Map,
+    takes: impl Fn(usize, &Fit) -> bool,
+) {
+    // Landmarks, the views that need them, the landmarks that need these.
     for _ in 0..2 {
         for landmark in 0..map.landmarks.len() {
             if map.landmarks[landmark].is_none() {
@@ -85,9 +102,8 @@ fn complete(problem: &Problem, options: &IncrementalOptions, map: &mut Map, allo
         }
         for view in 0..map.poses.len() {
             if map.poses[view].is_none()
-                && allowed[view]
                 && let Some((_, pose, fit)) = place::place_view(problem, map, view)
-                && fit.passes(MIN_LANDMARKS_OF_VIEW, noise, widest)
+                && takes(view, &fit)
             {
                 map.poses[view] = Some(pose);
             }

@@ -1,64 +1,70 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Initial maps along the odometry: pieces that grow view by view and are then joined.
+//! First maps from all that is known: pieces that grow view by view, and are brought into one frame.
 //!
-//! Views connected by odometry form a piece. It grows along its odometry, its landmarks are placed by the views
-//! reached so far, and it is refined at intervals, so that it never drifts far. Pieces that share landmarks are then
-//! joined by a similarity. A [`Placement`] decides how views and landmarks are placed and pieces joined: by least
-//! squares, or robustly where bearings may be outliers.
+//! What priors know is a piece in the map frame; views that odometry ties together make a piece in a frame of its own.
+//! A piece grows along its odometry, its landmarks are placed by what has been reached so far, and it is refined now
+//! and then, so that it never drifts far. Pieces whose frame priors fix are moved into the map frame, the others laid
+//! over each other by the landmarks that they share. How a view, a landmark and the joint are estimated is up to a
+//! [`Placement`]: by least squares, or robustly where bearings may be wrong.
 
 use super::super::attempt::attempt;
+use super::super::global::positions;
+use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
+use super::super::stages::StageOptions;
 use super::super::robust::motions::{Motions, OdometryLink};
-use super::options::OdometryGrowthOptions;
+use super::frames::{in_frame_of, in_frame_of_priors, united};
+use super::headings::maps_from_positions;
+use super::known::Known;
 use crate::error::Error;
-use crate::geometry::{Pose, align};
+use crate::geometry::Pose;
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
+/// A piece: a map, and whether it is in the frame of the priors.
+pub struct Piece {
+    pub map: Map,
+    pub framed: bool,
+}
+
 /// How the parts of a growing piece are estimated.
 pub trait Placement {
-    /// What the priors determine, in their frame; `None` when that is nothing.
-    fn known(&self) -> Option<Map> {
-        None
-    }
-
-    /// Options of the refinements during growth.
+    /// Options of the refinements on the way.
     fn refine_options(&self) -> RefineOptions;
 
-    /// Number of views at which a piece that now has `count` is refined next.
+    /// At how many views a piece of `count` views is refined the next time.
     fn next_refinement(&self, count: usize) -> usize;
 
-    /// The pose at the end of a motion, given the pose at its start.
+    /// The pose at the end of a motion, given that at its start.
     fn place_view(&mut self, map: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64>;
 
-    /// Places the new landmarks of a view. By default they wait for the next refinement.
+    /// Places new landmarks that a view sees, unless they wait for the next refinement.
     fn place_landmarks_of(&mut self, _map: &mut Map, _view: usize) {}
 
-    /// Places all landmarks again, leaving out those that their rays do not determine.
-    fn place_landmarks(&mut self, map: &mut Map);
+    /// Places all landmarks anew but those that stay; one whose rays do not determine it has to wait.
+    fn place_landmarks(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool);
 
-    /// A view that odometry does not reach, with its pose by resection; `None` when there is none, or when such views
-    /// are placed only once all pieces are joined.
-    fn next_apart(&self, _map: &Map) -> Option<(usize, Pose<f64>)> {
-        None
+    /// Whether a view that no odometry reaches is placed by the landmarks of the piece before all pieces are joined.
+    fn resects(&self) -> bool {
+        false
     }
 
     /// Places the landmarks of a piece after its last refinement.
-    fn finish_piece(&mut self, _map: &mut Map) {}
+    fn finish_piece(&mut self, _map: &mut Map, _stays: &dyn Fn(usize) -> bool) {}
 
-    /// Joins two pieces by their shared landmarks; `None` when these do not determine the similarity between
-    /// them.
+    /// Two pieces as one, given the landmarks that they share, in the second and in the first; `None` when
+    /// these do not fix how they lie.
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map>;
 
-    /// Whether the whole is refined after each join.
+    /// Whether the whole is refined each time a piece has been joined.
     fn refines_joined(&self) -> bool {
         false
     }
 
-    /// Adds to a map of joined pieces the views and landmarks that it determines.
+    /// Adds to a map of joined pieces what its landmarks place.
     ///
     /// # Errors
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
@@ -68,67 +74,148 @@ pub trait Placement {
 /// The position of a landmark in the second of two pieces, and in the first.
 pub type Shared = (Point2<f64>, Point2<f64>);
 
-/// Maps along the odometry and from priors, the one with most views first; the others share too few landmarks
-/// with it to be joined. Empty when there is no odometry and priors determine nothing.
+/// Maps from all that is known, that in the frame of the priors first, then the one with most views; those after
+/// the first share too little with it. None where nothing is known besides bearings.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
-pub fn grow_along_odometry(
+pub fn grow_from_priors(
     problem: &Problem,
     placement: &mut impl Placement,
-    options: &OdometryGrowthOptions,
+    stages: &StageOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
-    let mut growth = OdometryGrowth {
+    let mut growth = Growth {
         problem,
+        odometry_only: problem.clone().with_odometry_only(),
         motions: Motions::new(problem),
+        known: Known::of(problem),
         placement,
-        options,
+        stages,
         progress,
     };
-    let mut pieces = Vec::new();
-    let known = growth.placement.known();
-    let fixed = known.is_some();
-    if let Some(mut known) = known {
-        growth.extend(&mut known)?;
-        pieces.push(known);
+    let mut world = Piece {
+        map: growth.known.map(),
+        framed: true,
+    };
+    growth.extend(&mut world)?;
+    growth.search_headings(&mut world)?;
+    let mut pieces = growth.pieces(&mut world)?;
+    // What is in the frame of the priors stays first, so that the others are moved into it.
+    pieces.sort_by_key(|piece| core::cmp::Reverse(size(&piece.map)));
+    if world.map.determined().next().is_some() {
+        pieces.insert(0, world);
     }
-    // Start from the view that sees most landmarks, the first of equals.
-    let mut order: Vec<usize> = (0..problem.views()).collect();
-    order.sort_by_key(|&view| core::cmp::Reverse(problem.of_view(view).len()));
-    for root in order {
-        let reached = |map: &Map| map.poses[root].is_some();
-        if !growth.motions.of(root).is_empty() && !pieces.iter().any(reached) {
-            let mut piece = Map::empty(problem.views(), problem.landmarks());
-            piece.poses[root] = Some(Pose::identity());
-            growth.extend(&mut piece)?;
-            pieces.push(piece);
-        }
-    }
-    // The piece in the frame of the priors stays first, so that the others are moved into that frame.
-    pieces[usize::from(fixed)..].sort_by_key(|map| core::cmp::Reverse(size(map)));
     growth.join_all(pieces)
 }
 
-/// The state of the growth.
-struct OdometryGrowth<'a, 'p, P> {
+/// A growth under way.
+struct Growth<'a, 'p, P> {
     problem: &'a Problem,
+    /// The same without priors, for pieces in frames of their own.
+    odometry_only: Problem,
     motions: Motions,
+    known: Known,
     placement: &'a mut P,
-    options: &'a OdometryGrowthOptions,
+    stages: &'a StageOptions,
     progress: &'a mut Option<Progress<'p>>,
 }
 
-impl<P: Placement> OdometryGrowth<'_, '_, P> {
-    /// Grows a piece from the views that it has, along its odometry, and by resection where odometry ends.
-    fn extend(&mut self, map: &mut Map) -> Result<(), Error> {
-        let mut waiting: VecDeque<usize> = (0..map.poses.len())
-            .filter(|&view| map.poses[view].is_some())
+impl<P: Placement> Growth<'_, '_, P> {
+    /// The pieces that are not in the frame of the priors; what is goes into the first one.
+    fn pieces(&mut self, world: &mut Piece) -> Result<Vec<Piece>, Error> {
+        let mut pieces: Vec<Piece> = Vec::new();
+        // From the view that sees most; of equals the first.
+        let mut order: Vec<usize> = (0..self.problem.views()).collect();
+        order.sort_by_key(|&view| core::cmp::Reverse(self.problem.of_view(view).len()));
+        for root in order {
+            let reached = |map: &Map| map.poses[root].is_some();
+            if self.motions.of(root).is_empty()
+                || reached(&world.map)
+                || pieces.iter().any(|piece| reached(&piece.map))
+            {
+                continue;
+            }
+            let mut map = Map::empty(self.problem.views(), self.problem.landmarks());
+            map.poses[root] = Some(Pose::identity());
+            let mut piece = Piece { map, framed: false };
+            self.extend(&mut piece)?;
+            if !self.bring_in(world, &piece)? {
+                pieces.push(piece);
+            }
+        }
+        let missing = |view: &usize| {
+            world.map.poses[*view].is_none()
+                && pieces.iter().all(|piece| piece.map.poses[*view].is_none())
+        };
+        let views: Vec<usize> = (0..self.problem.views()).filter(missing).collect();
+        let mut headings = self.known.headings.clone();
+        for (view, heading) in headings.iter_mut().enumerate() {
+            *heading = heading.filter(|_| views.contains(&view));
+        }
+        if headings.iter().flatten().nth(1).is_some()
+            && let Some(map) = positions::solve(self.problem, &headings, &self.stages.positions)
+        {
+            let piece = Piece { map, framed: false };
+            if !self.bring_in(world, &piece)? {
+                pieces.push(piece);
+            }
+        }
+        Ok(pieces)
+    }
+
+    /// Adds a piece to the one in the frame of the priors where these fix its frame, and goes on from there; whether they do.
+    fn bring_in(&mut self, world: &mut Piece, piece: &Piece) -> Result<bool, Error> {
+        let Some(framed) = in_frame_of_priors(self.problem, &piece.map) else {
+            return Ok(false);
+        };
+        world.map = united(&world.map, &framed);
+        self.extend(world)?;
+        Ok(true)
+    }
+
+    /// Adds views of known position and unknown heading that nothing else has placed.
+    fn search_headings(&mut self, world: &mut Piece) -> Result<(), Error> {
+        let missing = |view: &usize| {
+            world.map.poses[*view].is_none()
+                && self.known.positions[*view].is_some()
+                && self.motions.of(*view).is_empty()
+        };
+        if (0..self.problem.views()).filter(missing).nth(2).is_none() {
+            return Ok(());
+        }
+        let found = maps_from_positions(self.problem, &self.known, &self.stages.headings);
+        let mut best: Option<(f64, Piece)> = None;
+        for map in found {
+            let mut piece = Piece {
+                map: united(&world.map, &map),
+                framed: true,
+            };
+            self.extend(&mut piece)?;
+            let score = score(self.problem, &piece.map);
+            if best.as_ref().is_none_or(|(least, _)| score < *least) {
+                best = Some((score, piece));
+            }
+        }
+        if let Some((_, piece)) = best {
+            *world = piece;
+        }
+        Ok(())
+    }
+
+    /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.
+    fn extend(&mut self, piece: &mut Piece) -> Result<(), Error> {
+        let mut waiting: VecDeque<usize> = (0..piece.map.poses.len())
+            .filter(|&view| piece.map.poses[view].is_some())
             .collect();
         let mut count = waiting.len();
-        let mut next = self.options.first_views.max(count);
+        let mut next = self.stages.odometry_growth.first_views.max(count);
+        if count > 0 {
+            self.place_landmarks(piece);
+        }
         loop {
             while let Some(view) = waiting.pop_front() {
+                let map = &mut piece.map;
                 let Some(from) = map.poses[view] else {
                     continue;
                 };
@@ -142,34 +229,75 @@ impl<P: Placement> OdometryGrowth<'_, '_, P> {
                 }
                 if count >= next {
                     next = self.placement.next_refinement(count);
-                    self.refine_partial(map)?;
+                    self.refine_partial(piece)?;
                 }
             }
-            let Some((view, pose)) = self.placement.next_apart(map) else {
+            let Some((view, pose)) = self.next_apart(piece) else {
                 break;
             };
-            map.poses[view] = Some(pose);
+            piece.map.poses[view] = Some(pose);
             waiting.push_back(view);
             count += 1;
+            if piece.framed {
+                self.place_landmarks(piece);
+            }
         }
-        self.refine_partial(map)?;
-        self.placement.finish_piece(map);
+        if count > 0 {
+            self.refine_partial(piece)?;
+            let (known, framed) = (&self.known.landmarks, piece.framed);
+            let stays = |landmark: usize| framed && known[landmark].is_some();
+            self.placement.finish_piece(&mut piece.map, &stays);
+        }
         Ok(())
     }
 
-    /// Places all landmarks again and refines for a few iterations. What cannot be refined yet stays unchanged.
-    fn refine_partial(&mut self, map: &mut Map) -> Result<(), Error> {
-        self.placement.place_landmarks(map);
+    fn place_landmarks(&mut self, piece: &mut Piece) {
+        let (known, framed) = (&self.known.landmarks, piece.framed);
+        let stays = |landmark: usize| framed && known[landmark].is_some();
+        self.placement.place_landmarks(&mut piece.map, &stays);
+    }
+
+    /// The view without a pose that most is known of, with its pose by that and by the landmarks of the piece.
+    fn next_apart(&self, piece: &Piece) -> Option<(usize, Pose<f64>)> {
+        if !piece.framed && !self.placement.resects() {
+            return None;
+        }
+        let (map, known) = (&piece.map, &self.known);
+        let mut missing: Vec<(usize, usize)> = (0..map.poses.len())
+            .filter(|&view| map.poses[view].is_none())
+            .map(|view| {
+                let prior = 2 * usize::from(known.positions[view].is_some())
+                    + usize::from(known.headings[view].is_some());
+                let prior = if piece.framed { prior } else { 0 };
+                (map.connections_of_view(self.problem, view) + prior, view)
+            })
+            .collect();
+        missing.sort_by_key(|&(count, view)| (core::cmp::Reverse(count), view));
+        missing.into_iter().find_map(|(_, view)| {
+            let pose = known.locate(self.problem, map, view, &self.motions, piece.framed)?;
+            Some((view, pose))
+        })
+    }
+
+    /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
+    fn refine_partial(&mut self, piece: &mut Piece) -> Result<(), Error> {
+        self.place_landmarks(piece);
         let options = self.placement.refine_options();
         let options = RefineOptions {
-            max_iterations: options.max_iterations.min(self.options.iterations),
+            max_iterations: options.max_iterations.min(self.stages.odometry_growth.iterations),
             ..options
         };
-        let (done, all) = (size(map), self.problem.views());
+        let problem = if piece.framed {
+            self.problem
+        } else {
+            &self.odometry_only
+        };
+        let map = &mut piece.map;
+        let (done, all) = (size(map), problem.views());
         let mut trial = map.clone();
         let mut observer = |_, _| report_progress(self.progress, "odometry", done, all);
-        if attempt(self.problem, &mut trial, &options, Some(&mut observer))?.is_some() {
-            // Keep what was pruned: it may be determined later.
+        if attempt(problem, &mut trial, &options, Some(&mut observer))?.is_some() {
+            // What was pruned may be reached later.
             for (place, refined) in map.poses.iter_mut().zip(trial.poses) {
                 *place = refined.or(*place);
             }
@@ -180,26 +308,75 @@ impl<P: Placement> OdometryGrowth<'_, '_, P> {
         Ok(())
     }
 
-    /// Joins pieces to the first, at each step the one that shares most landmarks; those that share too few become
-    /// maps of their own.
-    fn join_all(&mut self, mut pieces: Vec<Map>) -> Result<Vec<Map>, Error> {
-        let mut done = Vec::new();
+    /// Joins pieces to the first, the one with most shared landmarks next; what cannot be joined makes maps of
+    /// its own.
+    fn join_all(&mut self, mut pieces: Vec<Piece>) -> Result<Vec<Map>, Error> {
+        let mut done: Vec<Piece> = Vec::new();
         while !pieces.is_empty() {
             let mut main = pieces.remove(0);
-            while let Some((k, shared)) = closest(&main, &pieces, self.options.min_shared) {
+            let mut refused = Vec::new();
+            while let Some((k, shared)) = closest(&main.map, &pieces) {
                 let other = pieces.remove(k);
-                if let Some(joined) = self.placement.join([&main, &other], &shared) {
-                    main = joined;
-                }
-                if self.placement.refines_joined() {
-                    self.refine_partial(&mut main)?;
+                if let Some(joined) = self.joined(&main, &other, &shared) {
+                    main.map = joined;
+                    if self.placement.refines_joined() {
+                        self.refine_partial(&mut main)?;
+                    }
+                    // They may fit what has become of it.
+                    pieces.append(&mut refused);
+                } else {
+                    refused.push(other);
                 }
             }
-            self.placement.complete(&mut main)?;
+            pieces.append(&mut refused);
+            pieces.sort_by_key(|piece| core::cmp::Reverse(size(&piece.map)));
+            if !main.framed
+                && let Some(framed) = in_frame_of_priors(self.problem, &main.map)
+            {
+                main = Piece {
+                    map: framed,
+                    framed: true,
+                };
+            }
             done.push(main);
         }
-        done.sort_by_key(|map| core::cmp::Reverse(size(map)));
-        Ok(done)
+        // Some are in the frame of the priors only since they were joined.
+        let (framed, apart): (Vec<_>, Vec<_>) = done.into_iter().partition(|piece| piece.framed);
+        let world = framed.into_iter().reduce(|world, piece| Piece {
+            map: united(&world.map, &piece.map),
+            framed: true,
+        });
+        let mut maps = Vec::new();
+        for mut piece in world.into_iter().chain(apart) {
+            if piece.framed {
+                self.extend(&mut piece)?;
+            }
+            self.placement.complete(&mut piece.map)?;
+            maps.push(piece.map);
+        }
+        maps.retain(|map| map.poses.iter().any(Option::is_some));
+        maps.sort_by_key(|map| core::cmp::Reverse(size(map)));
+        Ok(maps)
+    }
+
+    /// Two pieces as one: by priors and shared landmarks together where the first is in the frame of the priors, or by
+    /// shared landmarks alone, whichever explains more; `None` when neither fixes how they lie.
+    fn joined(&mut self, first: &Piece, second: &Piece, shared: &[Shared]) -> Option<Map> {
+        let framed = first
+            .framed
+            .then(|| in_frame_of(self.problem, &first.map, &second.map))
+            .flatten()
+            .map(|framed| united(&first.map, &framed));
+        let laid = (shared.len() >= self.stages.odometry_growth.min_shared)
+            .then(|| self.placement.join([&first.map, &second.map], shared))
+            .flatten();
+        let score = |map: &Map| score(self.problem, map);
+        let mut both = framed.into_iter().chain(laid);
+        let one = both.next()?;
+        Some(match both.next() {
+            Some(other) if score(&other) < score(&one) => other,
+            _ => one,
+        })
     }
 }
 
@@ -208,28 +385,13 @@ fn size(map: &Map) -> usize {
     map.poses.iter().flatten().count()
 }
 
-/// The piece that shares most landmarks with a map, and these landmarks; `None` when fewer than `enough`.
-fn closest(map: &Map, pieces: &[Map], enough: usize) -> Option<(usize, Vec<Shared>)> {
-    let shared = |piece: &Map| -> Vec<Shared> {
-        let pairs = piece.landmarks.iter().zip(&map.landmarks);
+/// The piece that shares most landmarks with a map, and these; `None` when none shares any.
+fn closest(map: &Map, pieces: &[Piece]) -> Option<(usize, Vec<Shared>)> {
+    let shared = |piece: &Piece| -> Vec<Shared> {
+        let pairs = piece.map.landmarks.iter().zip(&map.landmarks);
         pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect()
     };
     let all = pieces.iter().map(shared).enumerate();
     let best = all.max_by_key(|(k, shared)| (shared.len(), core::cmp::Reverse(*k)));
-    best.filter(|(_, shared)| shared.len() >= enough)
-}
-
-/// The first map extended by what only the second has, moved by the similarity that fits the given shared
-/// landmarks; `None` when they do not determine one.
-pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
-    let (source, target): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
-    let moved = second.transformed(&align(&source, &target).ok()?);
-    let mut map = first.clone();
-    for (place, pose) in map.poses.iter_mut().zip(moved.poses) {
-        *place = place.or(pose);
-    }
-    for (place, point) in map.landmarks.iter_mut().zip(moved.landmarks) {
-        *place = place.or(point);
-    }
-    Some(map)
+    best.filter(|(_, shared)| !shared.is_empty())
 }

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Growth along odometry by least squares: views by dead reckoning, landmarks by priors or triangulation.
 
-use super::super::grow::{grow, resect_view};
+use super::super::incremental::complete::place_all;
+use super::super::incremental::options::IncrementalOptions;
 use super::super::robust::motions::OdometryLink;
 use super::super::stages::StageOptions;
-use super::growth::{Placement, Shared, laid_over};
+use super::frames::laid_over;
+use super::growth::{Placement, Shared};
 use super::options::StrideOptions;
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
 use crate::lm::RefineOptions;
-use crate::problem::{Map, Prior, Problem};
-use alloc::vec;
-use alloc::vec::Vec;
+use crate::problem::{Map, Problem};
 
 /// The placement by least squares.
 pub struct LeastSquaresPlacement<'a> {
@@ -20,20 +20,13 @@ pub struct LeastSquaresPlacement<'a> {
     refine: RefineOptions,
     min_parallax: f64,
     stride: StrideOptions,
-    /// Which landmarks have a prior: their positions are not triangulated.
-    known: Vec<bool>,
+    incremental: IncrementalOptions,
 }
 
 impl<'a> LeastSquaresPlacement<'a> {
     /// `refine` are the options of the caller's refinement, whose loss counts on the way as well.
     pub fn new(problem: &'a Problem, refine: &RefineOptions, stages: &StageOptions) -> Self {
         let stride = stages.stride;
-        let mut known = vec![false; problem.landmarks()];
-        for prior in problem.priors() {
-            if let Prior::Landmark { landmark, .. } = prior {
-                known[*landmark] = true;
-            }
-        }
         Self {
             problem,
             refine: RefineOptions {
@@ -42,16 +35,16 @@ impl<'a> LeastSquaresPlacement<'a> {
             },
             min_parallax: stages.odometry_growth.min_parallax,
             stride,
-            known,
+            incremental: stages.incremental,
         }
     }
 
-    /// Triangulates again every landmark without a prior whose rays have more than this parallax.
+    /// Triangulates anew every landmark whose rays have more than this parallax, except those that stay.
     ///
-    /// A landmark that was first seen over a short baseline may have been placed anywhere; its views are
-    /// better known after a refinement.
-    fn triangulate(&self, map: &mut Map, parallax: f64) {
-        for landmark in (0..self.known.len()).filter(|&landmark| !self.known[landmark]) {
+    /// A landmark that was first seen over a short distance may have come out anywhere; once its views are
+    /// refined it need not stay there.
+    fn triangulate(&self, map: &mut Map, parallax: f64, stays: &dyn Fn(usize) -> bool) {
+        for landmark in (0..self.problem.landmarks()).filter(|&landmark| !stays(landmark)) {
             let rays = map.rays(self.problem, landmark);
             let found = triangulate(rays.map(|(pose, s)| (pose, s.bearing))).ok();
             let ahead = |behind: usize| behind == 0 || !self.problem.is_oriented();
@@ -62,23 +55,6 @@ impl<'a> LeastSquaresPlacement<'a> {
 }
 
 impl Placement for LeastSquaresPlacement<'_> {
-    fn known(&self) -> Option<Map> {
-        let mut known = Map::empty(self.problem.views(), self.problem.landmarks());
-        for prior in self.problem.priors() {
-            match prior {
-                Prior::Landmark {
-                    landmark, position, ..
-                } => known.landmarks[*landmark] = Some(*position),
-                Prior::Pose { view, pose, root } if (0..3).all(|k| root[k][k] > 0.0) => {
-                    known.poses[*view] = Some(*pose);
-                }
-                _ => {}
-            }
-        }
-        let fixed = known.determined().next().is_some();
-        fixed.then_some(known)
-    }
-
     fn refine_options(&self) -> RefineOptions {
         self.refine
     }
@@ -97,22 +73,16 @@ impl Placement for LeastSquaresPlacement<'_> {
         from * motion.delta
     }
 
-    fn place_landmarks(&mut self, map: &mut Map) {
-        self.triangulate(map, self.min_parallax);
+    fn place_landmarks(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool) {
+        self.triangulate(map, self.min_parallax, stays);
     }
 
-    /// The view not yet placed that sees most landmarks of the map.
-    fn next_apart(&self, map: &Map) -> Option<(usize, Pose<f64>)> {
-        let unseen = (0..map.poses.len()).filter(|&view| map.poses[view].is_none());
-        let (_, view) = unseen
-            .map(|view| (map.connections_of_view(self.problem, view), view))
-            .max_by_key(|&(seen, view)| (seen, core::cmp::Reverse(view)))?;
-        let (pose, _) = resect_view(self.problem, map, view)?;
-        Some((view, pose))
+    fn resects(&self) -> bool {
+        true
     }
 
-    fn finish_piece(&mut self, map: &mut Map) {
-        self.triangulate(map, 0.0);
+    fn finish_piece(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool) {
+        self.triangulate(map, 0.0, stays);
     }
 
     fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
@@ -120,12 +90,7 @@ impl Placement for LeastSquaresPlacement<'_> {
     }
 
     fn complete(&mut self, map: &mut Map) -> Result<(), Error> {
-        let before = map.landmarks.clone();
-        grow(self.problem, map);
-        // What was known or refined is better than a triangulation.
-        for (place, known) in map.landmarks.iter_mut().zip(before) {
-            *place = known.or(*place);
-        }
+        place_all(self.problem, &self.incremental, map);
         Ok(())
     }
 }

@@ -12,11 +12,16 @@ pub struct PosteriorOptions {
     /// With fewer, the map from bearings alone takes little time and is always tried. Half changes nothing; double
     /// fails on four of 44 scenes fewer and takes at least seven times as long.
     pub many_views: usize,
+    /// Refinements of a map, each of which may make room for what did not fit before.
+    pub completions: usize,
 }
 
 impl Default for PosteriorOptions {
     fn default() -> Self {
-        Self { many_views: 40 }
+        Self {
+            many_views: 40,
+            completions: 3,
+        }
     }
 }
 
@@ -45,6 +50,32 @@ impl Default for OdometryGrowthOptions {
             iterations: 8,
             min_parallax: 0.05,
             min_shared: 2,
+        }
+    }
+}
+
+/// Options of the search for the headings of views whose positions are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct HeadingOptions {
+    /// Headings of each of two views that are tried: five degrees apart.
+    pub headings: usize,
+    /// Angle \[rad\] at which two headings agree by half: about what a step of the grid changes.
+    pub half_agreed: f64,
+    /// Pairs of views that are tried, those with most checks first.
+    pub pairs: usize,
+    /// Local minima over the grids of all pairs that become maps.
+    pub maps: usize,
+}
+
+impl Default for HeadingOptions {
+    fn default() -> Self {
+        Self {
+            headings: 72,
+            half_agreed: 0.1,
+            pairs: 4,
+            maps: 24,
         }
     }
 }

@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maximum a posteriori: bearings with odometry and priors, from several starts.
 //!
-//! One start grows along the odometry and from priors; another is the map from bearings alone, aligned to
-//! odometry and priors. The lower cost wins: the result is never worse than without the odometry.
-//! Where outliers are expected the first start is a robust one, and the search from bearings alone, whose work is
-//! quadratic in the views, is skipped where it could place only a few of many views.
+//! One start grows from all that is known, along the odometry and from what priors tell; another is the map from
+//! bearings alone, moved to where odometry and priors want it. What each of them leads to is completed, and the best
+//! wins: the result is never worse than without the odometry. Where outliers are expected the first start is one
+//! that they do not spoil, and the search from bearings alone, whose work is quadratic in the views, is left out where
+//! it could place only a few of many views.
 
 use super::super::attempt::recoverable;
-use super::super::infinity::drop_landmarks_at_infinity;
-use super::super::judge::{is_plausible_consensus, is_plausible_posterior, refuse_minority};
+use super::super::incremental::complete::place_all;
+use super::super::infinity::{drop_landmarks_at_infinity, drop_misplaced};
+use super::super::judge::{
+    choose, is_plausible_consensus, is_plausible_posterior, prices, refuse_minority,
+};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
-use super::super::robust::solve::solve_robust;
+use super::super::robust::solve::{check_sigmas, solve_robust};
 use super::super::strategy;
-use super::growth::grow_along_odometry;
+use super::growth::grow_from_priors;
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
@@ -62,8 +66,7 @@ pub fn solve_posterior(
             ..options.refine
         };
         let mut placement = LeastSquaresPlacement::new(problem, &growing, stages);
-        let growth = &stages.odometry_growth;
-        let grown = grow_along_odometry(problem, &mut placement, growth, attempts.progress)?;
+        let grown = grow_from_priors(problem, &mut placement, stages, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
@@ -73,34 +76,48 @@ pub fn solve_posterior(
     if !(attempts.suffice() || hopeless) {
         attempts.refine_from_bearings()?;
     }
-    let rank = |found: &Reconstruction| (found.undetermined.len(), found.cost);
-    attempts.found.sort_by(|a, b| {
-        let (a, b) = (rank(a), rank(b));
-        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-    });
-    attempts.found.truncate(1);
-    if attempts.found.is_empty() {
-        return Err(attempts.failure);
-    }
-    if options.robust {
-        refuse_minority(&attempts.found[0], &stages.judge)?;
-    }
-    // Starts that share no view with the maps so far give components of their own.
-    for start in &starts {
-        if attempts
-            .found
-            .iter()
-            .all(|found| are_apart(&found.map, start))
-        {
+    if !options.robust && check_sigmas(problem).is_ok() && !attempts.is_plausible() {
+        let grown = robust_start::robust_starts(problem, options, attempts.progress)?;
+        if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
+        starts.extend(grown);
     }
-    let mut maps = attempts.found;
+    let Attempts { found, failure, .. } = &mut attempts;
+    let found = core::mem::take(found);
+    if found.is_empty() {
+        return Err(core::mem::replace(failure, NOTHING));
+    }
+    let mut best = if options.robust {
+        lowest(found)
+    } else {
+        choose(problem, found, &stages.judge)?
+    };
+    if options.robust {
+        refuse_minority(&best, &stages.judge)?;
+    } else {
+        best = attempts.finish(best)?;
+    }
+    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
+    let mut maps = Vec::from([best]);
+    for start in &starts {
+        if maps.iter().all(|found| are_apart(&found.map, start)) {
+            attempts.refine_fitted(start)?;
+            maps.append(&mut attempts.found);
+        }
+    }
     if !options.robust {
         maps.iter_mut()
             .for_each(|map| drop_landmarks_at_infinity(problem, map, &stages.infinity));
     }
     strategy::with_components(problem, maps).ok_or(NOTHING)
+}
+
+/// The map of the least truncated cost, which counts what it does not reach as outliers, with the others that are as
+/// good as its alternatives.
+fn lowest(mut found: Vec<Reconstruction>) -> Reconstruction {
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    found.swap_remove(0)
 }
 
 /// No start has led to a map.
@@ -134,19 +151,54 @@ impl Attempts<'_, '_> {
         self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
-    /// Refines a start after aligning it as a whole to odometry and priors.
+    /// Whether one of the minima is as low as the standard deviations predict.
+    fn is_plausible(&self) -> bool {
+        let judge = &self.options.stages.judge;
+        let mut found = self.found.iter();
+        found.any(|found| is_plausible_posterior(found, judge))
+    }
+
+    /// Refines a start, moved as a whole to where odometry and priors want it.
     fn refine_fitted(&mut self, start: &Map) -> Result<(), Error> {
         let start = aligned_to_priors(self.problem, start);
         self.refine(&start)
     }
 
-    /// Refines a start and keeps the result.
+    /// Refines a start and keeps what comes of it, completed.
     fn refine(&mut self, start: &Map) -> Result<(), Error> {
         if self.options.robust {
             let found = robust_start::from_start(self.problem, start, self.options, self.progress)?;
             self.found.extend(found);
             return Ok(());
         }
+        let Some(mut found) = self.refined(start)? else {
+            return Ok(());
+        };
+        let stages = &self.options.stages;
+        for _ in 0..stages.posterior.completions {
+            let mut map = found.map.clone();
+            place_all(self.problem, &stages.incremental, &mut map);
+            if map.determined().count() == found.map.determined().count() {
+                break;
+            }
+            let Some(completed) = self.refined(&map)? else {
+                break;
+            };
+            let both = [found, completed];
+            let prices = prices(self.problem, &both, &stages.judge);
+            let [before, after] = both;
+            let better = prices[1] < prices[0];
+            found = if better { after } else { before };
+            if !better {
+                break;
+            }
+        }
+        self.found.push(found);
+        Ok(())
+    }
+
+    /// The minimum that a start leads to; `None` when it cannot be refined.
+    fn refined(&mut self, start: &Map) -> Result<Option<Reconstruction>, Error> {
         let options = &self.options.refine;
         let mut map = start.clone();
         let mut observer =
@@ -157,13 +209,29 @@ impl Attempts<'_, '_> {
             options,
             Some(&mut observer),
         ))? {
-            Ok(report) => {
-                let found = Reconstruction::new(self.problem, &map, report);
-                self.found.push(found);
+            Ok(report) => Ok(Some(Reconstruction::new(self.problem, &map, report))),
+            Err(error) => {
+                self.failure = error;
+                Ok(None)
             }
-            Err(error) => self.failure = error,
         }
-        Ok(())
+    }
+
+    /// Takes out of the best map what cannot be where it is, and refines the rest again.
+    fn finish(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
+        let alternatives = core::mem::take(&mut best.alternatives);
+        if let Some((map, dropped)) = drop_misplaced(self.problem, &best.map, &self.options.stages.infinity)
+            && let Some(mut found) = self.refined(&map)?
+        {
+            found
+                .undetermined
+                .retain(|one| dropped.iter().all(|other| other.subject != one.subject));
+            found.undetermined.extend(dropped);
+            found.undetermined.sort_by_key(|one| one.subject);
+            best = found;
+        }
+        best.alternatives = alternatives;
+        Ok(best)
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and

@@ -15,7 +15,8 @@ use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
 use super::super::robust::solve::{check_sigmas, reconstruction, with_squares};
 use super::super::stages::StageOptions;
-use super::growth::{Placement, Shared, grow_along_odometry, laid_over};
+use super::frames::laid_over;
+use super::growth::{Placement, Shared, grow_from_priors};
 use super::sweeps::{cauchy_consensus, sweep_odometry};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -29,19 +30,16 @@ use rand_chacha::ChaCha8Rng;
 /// Landmarks in a sample for joining two pieces: two determine a similarity. Not an option: the size of an array.
 const FIXING: usize = 2;
 
-/// Maps along the odometry of a problem, the largest first; none where it has no odometry.
-///
-/// Priors are ignored: each map has a frame of its own.
+/// Maps from all that is known, the largest first; none where nothing is known besides bearings.
 ///
 /// # Errors
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
-pub fn along_odometry(
+pub fn robust_starts(
     problem: &Problem,
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     check_sigmas(problem)?;
-    let problem = &problem.clone().with_odometry_only();
     let mut placement = RobustPlacement {
         problem,
         options: SolveOptions {
@@ -53,8 +51,7 @@ pub fn along_odometry(
         },
         random: ChaCha8Rng::seed_from_u64(options.seed),
     };
-    let growth = &options.stages.odometry_growth;
-    grow_along_odometry(problem, &mut placement, growth, progress)
+    grow_from_priors(problem, &mut placement, &options.stages, progress)
 }
 
 /// The robust placement.
@@ -125,8 +122,8 @@ impl Placement for RobustPlacement<'_> {
         }
     }
 
-    fn place_landmarks(&mut self, map: &mut Map) {
-        for landmark in 0..self.problem.landmarks() {
+    fn place_landmarks(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool) {
+        for landmark in (0..self.problem.landmarks()).filter(|&landmark| !stays(landmark)) {
             self.place_landmark(map, landmark);
         }
     }

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Cost and placement of one view by its odometry and the landmarks of the map.
+//! One view against its neighbours in the odometry and the landmarks of the map.
 
 use super::consensus::{OUTLIER, square};
 use crate::geometry::{Pose, pose};
 use crate::lm::Loss;
-use crate::problem::{Map, Prior, Problem};
+use crate::problem::{IndexedSighting, Map, Prior, Problem};
 use alloc::vec::Vec;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Point2, Vector3};
 
-/// A motion from a view: the pose of the other end in the frame of the view.
+/// A motion from a view, as the pose of its other end in its frame.
 pub struct OdometryLink {
     pub end: usize,
     pub delta: Pose<f64>,
-    /// Square root of the information, in the frame of the end of the motion as it was measured.
+    /// The root of the information, in the frame of `end` if that is where it was measured.
     root: Matrix3<f64>,
     forward: bool,
 }
@@ -55,8 +55,8 @@ impl Motions {
         &self.of[view]
     }
 
-    /// Twice the cost of a view at a pose with everything else fixed: the squares of its motions to other views of
-    /// the map, and of its sightings, the latter each at most that of an outlier.
+    /// Twice the cost of a view at a pose while nothing else moves: the squares of its motions to other views of the
+    /// map, and of its sightings, each at most that of an outlier.
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
         let most = OUTLIER * OUTLIER;
         let mut cost = 0.0;
@@ -82,11 +82,61 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
     Vector3::new(place.x, place.y, pose.rotation.angle())
 }
 
-/// The pose at the end of a motion from a known pose. It minimises the square of the motion's error plus
-/// Cauchy's loss of the bearings to landmarks in the map.
-///
-/// At most `steps` Gauss-Newton steps. The error is weighted in the frame of this end, whichever way the motion
-/// was measured: the heading hardly changes between the two ends.
+/// What pulls at the pose of a view besides its bearings: a pose that is wanted, and how much.
+pub struct PoseTerm {
+    wanted: Pose<f64>,
+    /// The root of the information.
+    root: Matrix3<f64>,
+    /// Whether offsets are measured in the map frame; otherwise in that of the wanted pose.
+    in_map_frame: bool,
+}
+
+impl PoseTerm {
+    /// A prior.
+    pub fn prior(pose: &Pose<f64>, root: &[[f64; 3]; 3]) -> Self {
+        Self {
+            wanted: *pose,
+            root: Matrix3::from_fn(|i, j| root[i][j]),
+            in_map_frame: true,
+        }
+    }
+
+    /// The pose at the end of a motion from a known pose. It is weighed in the frame of its end whichever way it was measured:
+    /// between the two it hardly turns.
+    pub fn motion(from: &Pose<f64>, motion: &OdometryLink) -> Self {
+        Self {
+            wanted: from * motion.delta,
+            root: motion.root,
+            in_map_frame: false,
+        }
+    }
+
+    /// The residual at a pose, and what turns a step in the frame of the pose into one of the residual.
+    fn linearize(&self, at: &Pose<f64>) -> (Vector3<f64>, Matrix3<f64>) {
+        let turn = (self.wanted.rotation.inverse() * at.rotation).angle();
+        let (offset, rotation) = if self.in_map_frame {
+            (
+                at.translation.vector - self.wanted.translation.vector,
+                at.rotation,
+            )
+        } else {
+            let error = self.wanted.inv_mul(at);
+            (error.translation.vector, error.rotation)
+        };
+        let (sin, cos) = (rotation.im, rotation.re);
+        let step = Matrix3::new(cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0);
+        let residual = self.root * Vector3::new(offset.x, offset.y, turn);
+        (residual, self.root * step)
+    }
+
+    /// The square of the residual at a pose.
+    pub fn square(&self, at: &Pose<f64>) -> f64 {
+        self.linearize(at).0.norm_squared()
+    }
+}
+
+/// The pose at the end of a motion from a known pose: the minimum next to it of the square of the motion and of
+/// Cauchy's loss of the bearings to what the map has.
 pub fn moved(
     problem: &Problem,
     map: &Map,
@@ -94,15 +144,31 @@ pub fn moved(
     motion: &OdometryLink,
     steps: usize,
 ) -> Pose<f64> {
-    let predicted = from * motion.delta;
     let seen: Vec<_> = map.seen(problem, motion.end).collect();
+    let term = PoseTerm::motion(from, motion);
+    let predicted = term.wanted;
+    descend_view(problem, &seen, &[term], predicted, steps)
+}
+
+/// The minimum next to a pose of the squares of what pulls at it and of Cauchy's loss of its bearings, by at most
+/// so many steps of Gauss-Newton.
+pub fn descend_view(
+    problem: &Problem,
+    seen: &[(Point2<f64>, &IndexedSighting)],
+    terms: &[PoseTerm],
+    start: Pose<f64>,
+    steps: usize,
+) -> Pose<f64> {
     let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
     let linearize = |at: &Pose<f64>| {
-        let error = motion.root * vector(&predicted.inv_mul(at));
-        let mut cost = error.norm_squared();
-        let mut gradient = motion.root.tr_mul(&error);
-        let mut normal = motion.root.tr_mul(&motion.root);
-        for (point, s) in &seen {
+        let (mut cost, mut gradient, mut normal) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        for term in terms {
+            let (error, jacobian) = term.linearize(at);
+            cost += error.norm_squared();
+            gradient += jacobian.tr_mul(&error);
+            normal += jacobian.tr_mul(&jacobian);
+        }
+        for (point, s) in seen {
             let local = at.inverse_transform_point(point);
             let range = local.coords.norm_squared();
             if !(range > 0.0) {
@@ -117,7 +183,7 @@ pub fn moved(
         }
         (cost, gradient, normal)
     };
-    let mut best = predicted;
+    let mut best = start;
     let (mut cost, mut gradient, mut normal) = linearize(&best);
     for _ in 0..steps {
         let Some(factor) = normal.cholesky() else {

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Does `solve` find the minimum from whatever is known?
+//! `cargo bench --bench start --features rayon [-- [SCENES [SEED]] [CLASS ...] [verbose]]`.
+//!
+//! Classes of scenes with odometry, beacons, positions, compasses or nothing but bearings under limited sight; a class
+//! is named by the beginning of its name. A solve fails when it does not determine all that the refinement started
+//! at the truth determines, or when its cost over the sightings that both explain is higher by more than 1e-5 of it.
+//! It fails silently when it has converged all the same, with an uncertainty below 0.2 and nothing undetermined.
+//! With outliers the cost is the truncated one, and the truth is followed to its own fixed point. Scenes of
+//! which the truth itself cannot be refined are not counted.
+
+mod scenes;
+
+use bearslam::{
+    Error, Map, Problem, Reconstruction, RefineOptions, Sighting, SolveOptions, refine, refine_map,
+    solve,
+};
+use rayon::prelude::*;
+use scenes::{CLASSES, Class, Instance};
+use std::time::Instant;
+
+/// Standard deviations beyond which a bearing is an outlier.
+const OUTLIER: f64 = 3.0;
+
+/// What came of one scene.
+struct Run {
+    seed: u64,
+    failed: bool,
+    silent: bool,
+    what: String,
+    /// Seconds.
+    time: f64,
+    truth_time: f64,
+}
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let mut numbers = words.iter().filter_map(|word| word.parse().ok());
+    let scenes: Option<u64> = numbers.next();
+    let seed: u64 = numbers.next().unwrap_or(0);
+    let verbose = words.iter().any(|word| word == "verbose");
+    let names: Vec<&String> = words
+        .iter()
+        .filter(|word| {
+            CLASSES
+                .iter()
+                .any(|class| class.name.starts_with(word.as_str()))
+        })
+        .collect();
+    println!(
+        "| class | scenes | not counted | failures | silent | median time \\[ms\\] | worst \\[ms\\] | truth \\[ms\\] |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for class in CLASSES {
+        if !names.is_empty()
+            && !names
+                .iter()
+                .any(|name| class.name.starts_with(name.as_str()))
+        {
+            continue;
+        }
+        let scenes = scenes.unwrap_or(class.scenes);
+        let runs: Vec<Run> = (seed..seed + scenes)
+            .into_par_iter()
+            .filter_map(|seed| run(&class, seed))
+            .collect();
+        report(&class, scenes, &runs, verbose);
+    }
+}
+
+fn report(class: &Class, scenes: u64, runs: &[Run], verbose: bool) {
+    let failures = runs.iter().filter(|run| run.failed).count();
+    let silent = runs.iter().filter(|run| run.silent).count();
+    let sorted = |time: fn(&Run) -> f64| {
+        let mut times: Vec<f64> = runs.iter().map(|run| time(run) * 1e3).collect();
+        times.sort_by(f64::total_cmp);
+        times
+    };
+    let (times, truth) = (sorted(|run| run.time), sorted(|run| run.truth_time));
+    let middle = |times: &[f64]| times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+    println!(
+        "| {} | {} | {} | {failures} ({:.2} %) | {silent} | {:.1} | {:.0} | {:.1} |",
+        class.name,
+        runs.len(),
+        scenes as usize - runs.len(),
+        100.0 * failures as f64 / runs.len().max(1) as f64,
+        middle(&times),
+        times.last().copied().unwrap_or(f64::NAN),
+        middle(&truth),
+    );
+    for run in runs.iter().filter(|run| verbose && run.failed) {
+        let silent = if run.silent { "silent: " } else { "" };
+        println!("    seed {}: {silent}{}", run.seed, run.what);
+    }
+}
+
+/// Solves one scene; `None` when its truth cannot be refined.
+fn run(class: &Class, seed: u64) -> Option<Run> {
+    let instance = (class.build)(seed);
+    let begin = Instant::now();
+    let truth = least(class, &instance)?;
+    let truth_time = begin.elapsed().as_secs_f64();
+    let options = SolveOptions {
+        robust: class.robust,
+        ..SolveOptions::default()
+    };
+    let begin = Instant::now();
+    let found = solve(&instance.problem, &options, None);
+    let time = begin.elapsed().as_secs_f64();
+    let failed = match (&truth, &found) {
+        (_, Err(_)) => true,
+        (Least::Cost(least), Ok(found)) => found.cost > least * (1.0 + 1e-5) + 1e-9,
+        (Least::Map(truth), Ok(found)) => is_missed(&instance.problem, truth, found),
+    };
+    let silent = failed
+        && found.as_ref().is_ok_and(|found| {
+            found.termination.was_successful()
+                && found.uncertainty < 0.2
+                && found.undetermined.is_empty()
+        });
+    let what = if failed {
+        describe(&found, &truth)
+    } else {
+        String::new()
+    };
+    Some(Run {
+        seed,
+        failed,
+        silent,
+        what,
+        time,
+        truth_time,
+    })
+}
+
+/// What a map is measured by.
+enum Least {
+    /// The minimum that the truth leads to.
+    Map(Box<Reconstruction>),
+    /// Its truncated cost.
+    Cost(f64),
+}
+
+fn least(class: &Class, instance: &Instance) -> Option<Least> {
+    if class.robust {
+        return Some(Least::Cost(truncated_from_truth(instance)));
+    }
+    let options = RefineOptions {
+        max_iterations: 1000,
+        ..RefineOptions::default()
+    };
+    let truth = refine(&instance.problem, &instance.truth, &options, None).ok()?;
+    // A scene that does not determine its own map says nothing about a start.
+    (truth.termination.was_successful() && truth.undetermined.is_empty() && truth.uncertainty < 1.0)
+        .then(|| Least::Map(Box::new(truth)))
+}
+
+/// Whether a map lacks what the truth leads to, or fits worse where both explain a sighting.
+fn is_missed(problem: &Problem, truth: &Reconstruction, found: &Reconstruction) -> bool {
+    fn lacks<T>(truth: &[Option<T>], found: &[Option<T>]) -> bool {
+        let mut pairs = truth.iter().zip(found);
+        pairs.any(|(truth, found)| truth.is_some() && found.is_none())
+    }
+    let pairs = problem
+        .sightings()
+        .iter()
+        .zip(truth.map.residuals(problem))
+        .zip(found.map.residuals(problem));
+    let beyond: f64 = pairs
+        .filter(|((_, truth), _)| truth.is_none())
+        .filter_map(|((sighting, _), found)| Some((found? * sighting.weight).powi(2)))
+        .sum();
+    lacks(&truth.map.poses, &found.map.poses)
+        || lacks(&truth.map.landmarks, &found.map.landmarks)
+        || found.cost - 0.5 * beyond > truth.cost * (1.0 + 1e-5) + 1e-9
+}
+
+fn describe(found: &Result<Reconstruction, Error>, truth: &Least) -> String {
+    let least = match truth {
+        Least::Map(truth) => format!("cost {:.4}, freedom {}", truth.cost, truth.freedom),
+        Least::Cost(cost) => format!("cost {cost:.4}"),
+    };
+    match found {
+        Err(error) => format!("{error}; truth {least}"),
+        Ok(found) => format!(
+            "cost {:.4}, {}, uncertainty {:.3}, {} undetermined, {} outliers; truth {least}",
+            found.cost,
+            found.termination,
+            found.uncertainty,
+            found.undetermined.len(),
+            found.inliers.iter().filter(|inlier| !**inlier).count(),
+        ),
+    }
+}
+
+/// The truncated cost that the truth leads to.
+fn truncated_from_truth(instance: &Instance) -> f64 {
+    let Instance {
+        problem,
+        sightings,
+        wrong,
+        ..
+    } = instance;
+    let mut map: Map = instance.truth.clone();
+    let mut kept: Vec<bool> = wrong.iter().map(|wrong| !wrong).collect();
+    // Each change lowers the cost.
+    for _ in 0..100 {
+        let chosen: Vec<Sighting> = sightings
+            .iter()
+            .zip(&kept)
+            .filter(|(_, kept)| **kept)
+            .map(|(sighting, _)| *sighting)
+            .collect();
+        let inliers =
+            Problem::new(problem.views(), problem.landmarks(), &chosen).expect("a problem");
+        if refine_map(&inliers, &mut map, &RefineOptions::default(), None).is_err() {
+            break;
+        }
+        let next = in_order(
+            problem,
+            squares(problem, &map).map(|s| s <= OUTLIER * OUTLIER),
+        );
+        if next == kept {
+            break;
+        }
+        kept = next;
+    }
+    squares(problem, &map)
+        .map(|square| 0.5 * square.min(OUTLIER * OUTLIER))
+        .sum()
+}
+
+/// Values in the order of the problem's sightings, put in that of its input.
+fn in_order(problem: &Problem, values: impl Iterator<Item = bool>) -> Vec<bool> {
+    let mut ordered = vec![false; problem.sightings().len()];
+    for (&place, value) in problem.input_order().iter().zip(values) {
+        ordered[place] = value;
+    }
+    ordered
+}
+
+/// The squares of residual over sigma; infinite where the map does not reach.
+fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = f64> + 'a {
+    let residuals = map.residuals(problem);
+    let pairs = problem.sightings().iter().zip(residuals);
+    pairs.map(|(s, residual)| residual.map_or(f64::INFINITY, |r| (r * s.weight).powi(2)))
+}

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Pieces brought into one frame: that of the priors where these fix it, otherwise by the landmarks that they share.
+
+use super::growth::Shared;
+use crate::adjustment::aligned_to_priors;
+use crate::adjustment::gauge::gauge_and_prior_numbers;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::align;
+use crate::geometry::points::{centroid, spread};
+use crate::problem::{LandmarkPrior, Map, Noise, Problem};
+use alloc::vec::Vec;
+
+/// The standard deviation of a shared landmark beside priors, as a part of the size of the map that it is taken from:
+/// it only has to weigh less than a survey and more than nothing.
+const SHARED: f64 = 0.01;
+
+/// A piece in the frame of the priors; `None` where odometry and priors leave some of its frame free.
+pub fn in_frame_of_priors(problem: &Problem, piece: &Map) -> Option<Map> {
+    let (free, numbers) = gauge_and_prior_numbers(problem, piece);
+    (free == 0 && numbers > 0).then(|| aligned_to_priors(problem, piece))
+}
+
+/// A piece in the frame of the priors, with the landmarks that it shares with a map in that frame as further ones;
+/// `None` where all this leaves some of its frame free.
+pub fn in_frame_of(problem: &Problem, map: &Map, piece: &Map) -> Option<Map> {
+    let places: Vec<_> = map
+        .landmarks
+        .iter()
+        .flatten()
+        .map(|point| point.coords)
+        .collect();
+    let (count, middle) = (places.len() as f64, centroid(&places));
+    let size = (spread(&places) / count)
+        .sqrt()
+        .max(middle.norm() * f64::EPSILON);
+    let pairs = map.landmarks.iter().zip(&piece.landmarks).enumerate();
+    let shared: Vec<LandmarkPrior> = pairs
+        .filter_map(|(landmark, (place, own))| {
+            own.as_ref()?;
+            Some(LandmarkPrior {
+                landmark,
+                position: (*place)?,
+                noise: Noise::Sigmas([size * SHARED; 2]),
+            })
+        })
+        .collect();
+    let problem = problem.clone().with_landmark_priors(&shared).ok()?;
+    in_frame_of_priors(&problem, piece)
+}
+
+/// The first map with what the second has beyond it, in the same frame.
+pub fn united(first: &Map, second: &Map) -> Map {
+    let mut map = first.clone();
+    for (place, pose) in map.poses.iter_mut().zip(&second.poses) {
+        *place = place.or(*pose);
+    }
+    for (place, point) in map.landmarks.iter_mut().zip(&second.landmarks) {
+        *place = place.or(*point);
+    }
+    map
+}
+
+/// The first map with what the second has beyond it, moved by the similarity that fits some shared landmarks;
+/// `None` when they do not fix one.
+pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
+    let (source, target): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
+    let moved = second.transformed(&align(&source, &target).ok()?);
+    Some(united(first, &moved))
+}

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Headings of views whose positions are known, such as anchors on a wall or views with satellite positions.
+//!
+//! Two headings place every landmark that both views see; each of these then gives the heading of any other view that
+//! sees it. Where that view sees two and more, their headings agree or they do not. So the two headings are searched
+//! over a grid, and what agrees best is refined.
+
+use super::known::Known;
+use super::options::HeadingOptions;
+use crate::geometry::Pose;
+use crate::kernels::triangulate;
+use crate::problem::{IndexedSighting, Map, Problem};
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use nalgebra::{Complex, Point2, Translation2, UnitComplex, Vector2};
+
+/// Landmarks that two views must share to be a pair: with one, no other view could contradict their headings.
+const SHARED: usize = 2;
+
+/// Maps of the views of known position, the best first; none where no two of them share landmarks that others see.
+pub fn maps_from_positions(problem: &Problem, known: &Known, options: &HeadingOptions) -> Vec<Map> {
+    let views: Vec<(usize, Vector2<f64>)> = (0..problem.views())
+        .filter(|&view| !problem.of_view(view).is_empty())
+        .filter_map(|view| Some((view, known.positions[view]?)))
+        .collect();
+    let mut pairs = Vec::new();
+    for (k, &first) in views.iter().enumerate() {
+        for &second in &views[..k] {
+            let shared = shared(problem, [first.0, second.0]);
+            if shared.len() >= SHARED && first.1 != second.1 {
+                let checks = views
+                    .iter()
+                    .filter(|view| view.0 != first.0 && view.0 != second.0);
+                let checks = checks.map(|view| {
+                    let seen = problem.of_view(view.0).iter();
+                    let seen =
+                        seen.filter(|s| shared.iter().any(|[a, _]| a.landmark == s.landmark));
+                    seen.count().saturating_sub(1)
+                });
+                pairs.push((checks.sum::<usize>(), [first, second]));
+            }
+        }
+    }
+    pairs.retain(|(checks, _)| *checks > 0);
+    pairs.sort_by_key(|(checks, [a, b])| (core::cmp::Reverse(*checks), a.0, b.0));
+    pairs.truncate(options.pairs);
+    let mut found: Vec<(f64, Map)> = Vec::new();
+    for (_, pair) in pairs {
+        found.extend(best_of_grid(problem, &views, pair, options));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(options.maps);
+    found.into_iter().map(|(_, map)| map).collect()
+}
+
+/// What two views see of the same landmarks.
+fn shared(problem: &Problem, [a, b]: [usize; 2]) -> Vec<[&IndexedSighting; 2]> {
+    let mut found = Vec::new();
+    for one in problem.of_view(a) {
+        let other = problem
+            .of_view(b)
+            .iter()
+            .find(|s| s.landmark == one.landmark);
+        found.extend(other.map(|other| [one, other]));
+    }
+    found
+}
+
+/// The local minima over the grid of the headings of a pair, each as a map.
+fn best_of_grid(
+    problem: &Problem,
+    views: &[(usize, Vector2<f64>)],
+    pair: [(usize, Vector2<f64>); 2],
+    options: &HeadingOptions,
+) -> Vec<(f64, Map)> {
+    let count = options.headings;
+    let shared = shared(problem, pair.map(|(view, _)| view));
+    let headings: Vec<UnitComplex<f64>> = (0..count)
+        .map(|k| UnitComplex::new(TAU * k as f64 / count as f64))
+        .collect();
+    let others: Vec<Other<'_>> = views
+        .iter()
+        .filter(|(view, _)| pair.iter().all(|(other, _)| other != view))
+        .map(|&(view, position)| Other::new(problem, &shared, view, position))
+        .collect();
+    let mut disagreement = Vec::with_capacity(count * count);
+    for first in &headings {
+        for second in &headings {
+            let points = crossings(&shared, pair, [first, second]);
+            let each = others
+                .iter()
+                .map(|other| other.heading(&points, options.half_agreed).1);
+            disagreement.push(each.sum::<f64>());
+        }
+    }
+    let at = |i: usize, j: usize| disagreement[(i % count) * count + j % count];
+    let mut found = Vec::new();
+    for i in 0..count {
+        for j in 0..count {
+            let value = at(i, j);
+            let around = (0..9).filter(|&k| k != 4);
+            let lowest = around
+                .map(|k| at(i + count + k / 3 - 1, j + count + k % 3 - 1))
+                .all(|other| value <= other);
+            if lowest {
+                let points = crossings(&shared, pair, [&headings[i], &headings[j]]);
+                let mut map = Map::empty(problem.views(), problem.landmarks());
+                for ((view, position), heading) in pair.iter().zip([headings[i], headings[j]]) {
+                    map.poses[*view] =
+                        Some(Pose::from_parts(Translation2::from(*position), heading));
+                }
+                for other in &others {
+                    let heading = other.heading(&points, options.half_agreed).0;
+                    map.poses[other.view] = heading.map(|heading| {
+                        Pose::from_parts(Translation2::from(other.position), heading)
+                    });
+                }
+                found.push((value, map));
+            }
+        }
+    }
+    found
+}
+
+/// A view that neither of the pair is, and what it sees of the landmarks that these share.
+struct Other<'a> {
+    view: usize,
+    position: Vector2<f64>,
+    /// With the place of the landmark among the shared ones.
+    seen: Vec<(usize, &'a IndexedSighting)>,
+}
+
+impl<'a> Other<'a> {
+    fn new(
+        problem: &'a Problem,
+        shared: &[[&IndexedSighting; 2]],
+        view: usize,
+        position: Vector2<f64>,
+    ) -> Self {
+        let seen = problem.of_view(view).iter().filter_map(|s| {
+            let place = shared
+                .iter()
+                .position(|[one, _]| one.landmark == s.landmark);
+            Some((place?, s))
+        });
+        Self {
+            view,
+            position,
+            seen: seen.collect(),
+        }
+    }
+
+    /// The heading on which most of its landmarks agree, and how many do not: each between 0 and 1.
+    fn heading(
+        &self,
+        points: &[Option<Point2<f64>>],
+        half: f64,
+    ) -> (Option<UnitComplex<f64>>, f64) {
+        let wanted = |&(place, s): &(usize, &IndexedSighting)| {
+            let offset = points[place]?.coords - self.position;
+            let toward = Complex::new(offset.x, offset.y);
+            let norm = toward.norm_sqr().sqrt();
+            (norm > 0.0).then(|| toward / norm * s.bearing.into_inner().conj())
+        };
+        let mut best = (None, self.seen.len() as f64);
+        for one in &self.seen {
+            let Some(heading) = wanted(one) else { continue };
+            let sum: f64 = self
+                .seen
+                .iter()
+                .map(|other| match wanted(other) {
+                    Some(other) => {
+                        let off = (other - heading).norm_sqr();
+                        off / (off + half * half)
+                    }
+                    None => 1.0,
+                })
+                .sum();
+            if sum < best.1 {
+                best = (Some(UnitComplex::new_unchecked(heading)), sum);
+            }
+        }
+        best
+    }
+}
+
+/// Where the rays of the pair meet, ahead of both.
+fn crossings(
+    shared: &[[&IndexedSighting; 2]],
+    pair: [(usize, Vector2<f64>); 2],
+    headings: [&UnitComplex<f64>; 2],
+) -> Vec<Option<Point2<f64>>> {
+    let poses: [Pose<f64>; 2] =
+        [0, 1].map(|k| Pose::from_parts(Translation2::from(pair[k].1), *headings[k]));
+    let meet = |sightings: &[&IndexedSighting; 2]| {
+        let rays = [0, 1].map(|k| (poses[k], sightings[k].bearing));
+        let found = triangulate(rays).ok()?;
+        (found.behind == 0).then_some(found.point)
+    };
+    shared.iter().map(meet).collect()
+}

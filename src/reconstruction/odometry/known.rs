@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! What priors know of single views and landmarks, and views located by that and by the landmarks of a map.
+//!
+//! A view has three unknowns, and each of these fixes them: a known pose; a known position and one landmark; a known
+//! heading and two landmarks; three landmarks.
+
+use super::super::grow::resect_view;
+use super::super::robust::motions::{Motions, PoseTerm, descend_view};
+use crate::geometry::Pose;
+use crate::problem::{IndexedSighting, Map, Prior, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+use nalgebra::{Complex, Point2, Translation2, UnitComplex, Vector2};
+
+/// Most landmarks whose pairs are tried for a view of known heading: a few dozen pairs are enough, and their number
+/// grows with the square.
+const PAIRED: usize = 10;
+
+/// Most steps of Gauss-Newton for a view; its three unknowns need a few.
+const STEPS: usize = 10;
+
+/// What priors know, in the map frame.
+pub struct Known {
+    /// Positions of views of which both coordinates are known.
+    pub positions: Vec<Option<Vector2<f64>>>,
+    /// Headings of views.
+    pub headings: Vec<Option<UnitComplex<f64>>>,
+    /// Positions of landmarks.
+    pub landmarks: Vec<Option<Point2<f64>>>,
+    /// The priors of each view.
+    terms: Vec<Vec<PoseTerm>>,
+}
+
+impl Known {
+    pub fn of(problem: &Problem) -> Self {
+        let mut known = Self {
+            positions: vec![None; problem.views()],
+            headings: vec![None; problem.views()],
+            landmarks: vec![None; problem.landmarks()],
+            terms: (0..problem.views()).map(|_| Vec::new()).collect(),
+        };
+        for prior in problem.priors() {
+            match prior {
+                Prior::Landmark {
+                    landmark, position, ..
+                } => known.landmarks[*landmark] = Some(*position),
+                Prior::Pose { view, pose, root } => {
+                    if root[0][0] > 0.0 && root[1][1] > 0.0 {
+                        known.positions[*view] = Some(pose.translation.vector);
+                    }
+                    if root[2][2] > 0.0 {
+                        known.headings[*view] = Some(pose.rotation);
+                    }
+                    known.terms[*view].push(PoseTerm::prior(pose, root));
+                }
+                Prior::Motion { .. } => {}
+            }
+        }
+        known
+    }
+
+    /// The poses and landmarks that are known as they are.
+    pub fn map(&self) -> Map {
+        let pairs = self.positions.iter().zip(&self.headings);
+        Map {
+            poses: pairs
+                .map(|(position, heading)| Some(at((*position)?, (*heading)?)))
+                .collect(),
+            landmarks: self.landmarks.clone(),
+        }
+    }
+
+    /// The pose of a view in the map frame from what is known of it and of its landmarks; `None` when that does not fix
+    /// it.
+    ///
+    /// Of the poses that the smallest sets fix, the one that explains most, then the minimum next to it. In a map that
+    /// is not `framed`, not in the frame of the priors, landmarks alone count.
+    pub fn locate(
+        &self,
+        problem: &Problem,
+        map: &Map,
+        view: usize,
+        motions: &Motions,
+        framed: bool,
+    ) -> Option<Pose<f64>> {
+        let resected = resect_view(problem, map, view).map(|(pose, _)| pose);
+        if !framed {
+            return resected;
+        }
+        let seen: Vec<_> = map.seen(problem, view).collect();
+        let mut candidates: Vec<Pose<f64>> = Vec::new();
+        candidates.extend(resected);
+        match (self.positions[view], self.headings[view]) {
+            (Some(position), Some(heading)) => candidates.push(at(position, heading)),
+            (Some(position), None) => {
+                candidates.extend(
+                    seen.iter()
+                        .filter_map(|(point, s)| turned_to(position, point, s)),
+                );
+            }
+            (None, Some(heading)) => candidates.extend(backward(heading, &seen)),
+            (None, None) => {}
+        }
+        let terms = &self.terms[view];
+        let cost = |pose: &Pose<f64>| -> f64 {
+            terms.iter().map(|term| term.square(pose)).sum::<f64>()
+                + motions.cost(problem, map, view, pose)
+        };
+        let best = candidates
+            .into_iter()
+            .min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+        Some(descend_view(problem, &seen, terms, best, STEPS))
+    }
+}
+
+fn at(position: Vector2<f64>, heading: UnitComplex<f64>) -> Pose<f64> {
+    Pose::from_parts(Translation2::from(position), heading)
+}
+
+/// A view at a position, turned so that it sees a point where it does.
+fn turned_to(
+    position: Vector2<f64>,
+    point: &Point2<f64>,
+    s: &IndexedSighting,
+) -> Option<Pose<f64>> {
+    let offset = point.coords - position;
+    let norm = offset.norm();
+    (norm > 0.0).then(|| {
+        let toward = Complex::new(offset.x / norm, offset.y / norm);
+        at(
+            position,
+            UnitComplex::new_unchecked(toward * s.bearing.into_inner().conj()),
+        )
+    })
+}
+
+/// Views of a heading where two of their rays, followed backward from the landmarks, cross.
+fn backward(heading: UnitComplex<f64>, seen: &[(Point2<f64>, &IndexedSighting)]) -> Vec<Pose<f64>> {
+    let ray = |s: &IndexedSighting| {
+        let ray = (heading * s.bearing).into_inner();
+        Vector2::new(ray.re, ray.im)
+    };
+    let mut found = Vec::new();
+    for (k, (first, one)) in seen.iter().take(PAIRED).enumerate() {
+        for (second, two) in seen.iter().take(k) {
+            let (u, v) = (ray(one), ray(two));
+            let sine = u.perp(&v);
+            let range = (first - second).perp(&v) / sine;
+            if sine.abs() > f64::EPSILON && range.is_finite() {
+                found.push(at(first.coords - u * range, heading));
+            }
+        }
+    }
+    found
+}
