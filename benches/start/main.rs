@@ -4,16 +4,18 @@
 //!
 //! Classes of scenes with odometry, beacons, positions, compasses or nothing but bearings under limited sight; a class
 //! is named by the beginning of its name. A solve fails when it does not determine all that the refinement started
-//! at the truth determines, or when its cost over the sightings that both explain is higher by more than 1e-5 of it.
+//! at the truth determines, or when its cost over the sightings that both explain is higher by more than 1e-5 of it (of 1
+//! where it is below). A landmark may be listed at infinity instead: its bearings still count.
 //! It fails silently when it has converged all the same, with an uncertainty below 0.2 and nothing undetermined.
 //! With outliers the cost is the truncated one, and the truth is followed to its own fixed point. Scenes of
 //! which the truth itself cannot be refined are not counted.
 
+mod explore;
 mod scenes;
 
 use bearslam::{
-    Error, Map, Problem, Reconstruction, RefineOptions, Sighting, SolveOptions, refine, refine_map,
-    solve,
+    Error, Map, Problem, Reconstruction, RefineOptions, Sighting, SolveOptions, Subject, Why,
+    refine, refine_map, solve,
 };
 use rayon::prelude::*;
 use scenes::{CLASSES, Class, Instance};
@@ -47,6 +49,18 @@ fn main() {
                 .any(|class| class.name.starts_with(word.as_str()))
         })
         .collect();
+    if let Some(at) = words.iter().position(|word| word == "explore") {
+        let class = CLASSES
+            .iter()
+            .find(|class| class.name == words[at + 1])
+            .unwrap();
+        let seeds: Vec<u64> = words[at + 2..]
+            .iter()
+            .filter_map(|w| w.parse().ok())
+            .collect();
+        explore::explore(class, &seeds);
+        return;
+    }
     println!(
         "| class | scenes | not counted | failures | silent | median time \\[ms\\] | worst \\[ms\\] | truth \\[ms\\] |"
     );
@@ -109,7 +123,7 @@ fn run(class: &Class, seed: u64) -> Option<Run> {
     let time = begin.elapsed().as_secs_f64();
     let failed = match (&truth, &found) {
         (_, Err(_)) => true,
-        (Least::Cost(least), Ok(found)) => found.cost > least * (1.0 + 1e-5) + 1e-9,
+        (Least::Cost(least), Ok(found)) => found.cost > least + 1e-5 * least.max(1.0),
         (Least::Map(truth), Ok(found)) => is_missed(&instance.problem, truth, found),
     };
     let silent = failed
@@ -151,16 +165,23 @@ fn least(class: &Class, instance: &Instance) -> Option<Least> {
     };
     let truth = refine(&instance.problem, &instance.truth, &options, None).ok()?;
     // A scene that does not determine its own map says nothing about a start.
-    (truth.termination.was_successful() && truth.undetermined.is_empty() && truth.uncertainty < 1.0)
-        .then(|| Least::Map(Box::new(truth)))
+    let counts = class.free || !(truth.uncertainty >= 1.0);
+    (truth.termination.was_successful() && counts).then(|| Least::Map(Box::new(truth)))
 }
 
 /// Whether a map lacks what the truth leads to, or fits worse where both explain a sighting.
 fn is_missed(problem: &Problem, truth: &Reconstruction, found: &Reconstruction) -> bool {
-    fn lacks<T>(truth: &[Option<T>], found: &[Option<T>]) -> bool {
-        let mut pairs = truth.iter().zip(found);
-        pairs.any(|(truth, found)| truth.is_some() && found.is_none())
-    }
+    let at_infinity = |landmark: usize| {
+        let landmark = Subject::Landmark(landmark);
+        let mut listed = found.undetermined.iter();
+        listed.any(|one| one.subject == landmark && one.why == Why::AtInfinity)
+    };
+    let lost = |landmark: &usize| {
+        truth.map.landmarks[*landmark].is_some()
+            && found.map.landmarks[*landmark].is_none()
+            && !at_infinity(*landmark)
+    };
+    let mut poses = truth.map.poses.iter().zip(&found.map.poses);
     let pairs = problem
         .sightings()
         .iter()
@@ -170,27 +191,39 @@ fn is_missed(problem: &Problem, truth: &Reconstruction, found: &Reconstruction) 
         .filter(|((_, truth), _)| truth.is_none())
         .filter_map(|((sighting, _), found)| Some((found? * sighting.weight).powi(2)))
         .sum();
-    lacks(&truth.map.poses, &found.map.poses)
-        || lacks(&truth.map.landmarks, &found.map.landmarks)
-        || found.cost - 0.5 * beyond > truth.cost * (1.0 + 1e-5) + 1e-9
+    poses.any(|(truth, found)| truth.is_some() && found.is_none())
+        || (0..problem.landmarks()).any(|landmark| lost(&landmark))
+        || found.cost - 0.5 * beyond > truth.cost + 1e-5 * truth.cost.max(1.0)
 }
 
 fn describe(found: &Result<Reconstruction, Error>, truth: &Least) -> String {
     let least = match truth {
-        Least::Map(truth) => format!("cost {:.4}, freedom {}", truth.cost, truth.freedom),
+        Least::Map(truth) => format!(
+            "cost {:.4}, freedom {}, undetermined {}",
+            truth.cost,
+            truth.freedom,
+            list(truth)
+        ),
         Least::Cost(cost) => format!("cost {cost:.4}"),
     };
     match found {
         Err(error) => format!("{error}; truth {least}"),
         Ok(found) => format!(
-            "cost {:.4}, {}, uncertainty {:.3}, {} undetermined, {} outliers; truth {least}",
+            "cost {:.4}, {}, uncertainty {:.3}, {} components, undetermined {}, {} outliers; truth {least}",
             found.cost,
             found.termination,
             found.uncertainty,
-            found.undetermined.len(),
+            found.components.len(),
+            list(found),
             found.inliers.iter().filter(|inlier| !**inlier).count(),
         ),
     }
+}
+
+fn list(found: &Reconstruction) -> String {
+    let each = found.undetermined.iter();
+    let each = each.map(|one| format!("{:?} {:?}", one.subject, one.why));
+    format!("[{}]", each.collect::<Vec<_>>().join(", "))
 }
 
 /// The truncated cost that the truth leads to.

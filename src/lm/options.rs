@@ -10,7 +10,7 @@ use crate::scalar::Real;
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct RefineOptions<T: Real = f64> {
     /// Maximum number of linear systems to solve, which bounds the time. Good starts converge within ten;
-    /// the default of 300 allows for long valleys, as of joint maps of several robots.
+    /// the default of 1000 allows for long valleys, as of joint maps of several robots.
     pub max_iterations: usize,
     /// Initial damping, relative to the diagonal of the normal equations. Zero is Gauss-Newton: full
     /// steps, ending when one does not lower the cost. Not sensitive: the damping adapts to the steps.
@@ -26,7 +26,7 @@ pub struct RefineOptions<T: Real = f64> {
 impl<T: Real> Default for RefineOptions<T> {
     fn default() -> Self {
         Self {
-            max_iterations: 300,
+            max_iterations: 1000,
             damping: T::lit(1e-4),
             tolerance: T::lit(1e-10).max(T::eps()),
             loss: Loss::Squared,

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Refinements that may fail: a start that leads nowhere does not stop the others.
 
+use super::options::{Progress, report_progress};
+use super::result::Reconstruction;
 use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
-use crate::lm::{Observer, RefineOptions};
-use crate::problem::{Map, Problem};
+use crate::lm::{Observer, RefineOptions, Termination};
+use crate::problem::{Map, Problem, Undetermined};
+use alloc::vec::Vec;
 
 /// Refines a map in place; `None` when it cannot be refined.
 ///
@@ -33,4 +36,51 @@ pub fn recoverable<T>(result: Result<T, Error>) -> Result<Result<T, Error>, Erro
         Err(error) if error.stops_all() => Err(error),
         other => Ok(other),
     }
+}
+
+/// A map that was given few iterations, refined to the end; its alternatives and components stay.
+///
+/// # Errors
+/// Those that stop everything, as [`recoverable`].
+pub fn converged(
+    problem: &Problem,
+    mut found: Reconstruction,
+    options: &RefineOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let left = options.max_iterations.saturating_sub(found.iterations);
+    if found.termination != Termination::MaxIterations || left == 0 {
+        return Ok(found);
+    }
+    let further = RefineOptions {
+        max_iterations: left,
+        ..*options
+    };
+    let mut map = found.map.clone();
+    let used = found.iterations;
+    let mut observer =
+        |done, _| report_progress(progress, "refine", used + done, options.max_iterations);
+    if let Some(report) = attempt(problem, &mut map, &further, Some(&mut observer))? {
+        let mut refined = Reconstruction::new(problem, &map, report);
+        refined.iterations += used;
+        refined.alternatives = core::mem::take(&mut found.alternatives);
+        refined.components = core::mem::take(&mut found.components);
+        // What was at infinity before is no less so.
+        let reached = |one: &Undetermined| {
+            refined
+                .undetermined
+                .iter()
+                .any(|other| other.subject == one.subject)
+        };
+        let listed: Vec<_> = found
+            .undetermined
+            .iter()
+            .filter(|one| !reached(one))
+            .copied()
+            .collect();
+        refined.undetermined.extend(listed);
+        refined.undetermined.sort_by_key(|one| one.subject);
+        found = refined;
+    }
+    Ok(found)
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Incremental reconstruction under limited sight: view by view from several seeds, one component after another.
 
-pub pub(crate) mod complete;
+pub(crate) mod complete;
 mod gates;
 mod growth;
 mod merge;

@@ -25,6 +25,9 @@ pub struct JudgeOptions {
     /// A map is a rival of another when its variance is at most this many times the other's: three times the residuals.
     /// Not sensitive.
     pub rival_ratio: f64,
+    /// Noise \[rad\] that is expected where no standard deviations are stated: a good degree. Maps that explain their
+    /// sightings better are not told apart by how well they do.
+    pub expected_noise: f64,
     /// Two maps are the same minimum when positions over the size of the map, and headings \[rad\], differ by less. Not
     /// sensitive.
     pub same: f64,
@@ -44,6 +47,7 @@ impl Default for JudgeOptions {
             telling_freedom: 20,
             plausible_deviations: 3.0,
             rival_ratio: 9.0,
+            expected_noise: 0.02,
             same: 1e-4,
             sightings_per_outlier: 3,
             spare_per_outlier: 0.25,
@@ -132,13 +136,17 @@ pub fn is_plausible(found: &Reconstruction, options: &JudgeOptions) -> bool {
             && deviation * deviation <= bound * bound * 2.0 * freedom)
 }
 
-/// Whether the cost of a map is higher than the stated standard deviations allow. Never where all are one radian: they
-/// then only state relative weights.
+/// Whether the standard deviations of the bearings are stated: all of one radian only say that they are equal.
+fn is_stated(problem: &Problem) -> bool {
+    problem.sightings().iter().any(|s| s.weight != 1.0)
+}
+
+/// Whether the cost of a map is higher than the stated standard deviations allow.
 pub fn is_too_costly(problem: &Problem, found: &Reconstruction, options: &JudgeOptions) -> bool {
-    let stated = problem.sightings().iter().any(|s| s.weight != 1.0);
     let freedom = found.freedom as f64;
     let bound = options.plausible_deviations;
-    stated && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
+    is_stated(problem)
+        && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
 }
 
 /// Whether the cost of a map with odometry and priors is what the standard deviations predict, and it reaches all that
@@ -241,7 +249,7 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
 }
 
 /// The root mean square distance of the other views from the first; 1 for a single view.
-pub fn size(map: &Map) -> f64 {
+fn size(map: &Map) -> f64 {
     let mut places = map
         .poses
         .iter()
@@ -265,10 +273,15 @@ pub fn size(map: &Map) -> f64 {
 pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOptions) -> Vec<f64> {
     let most = found.iter().map(|found| found.freedom).max().unwrap_or(0);
     let telling = found.iter().filter(|found| 2 * found.freedom >= most);
+    let floor = if is_stated(problem) {
+        1.0
+    } else {
+        options.expected_noise * options.expected_noise
+    };
     let noise = telling.map(variance).fold(f64::INFINITY, f64::min);
+    let noise = noise.max(floor);
     let outlier = 0.5 * Loss::<f64>::TRUNCATED * Loss::<f64>::TRUNCATED;
-    let each =
-        outlier * (options.rival_ratio * noise + rounding(mean_weight(problem)));
+    let each = outlier * options.rival_ratio * noise;
     let prior_numbers = |found: &Reconstruction| gauge_and_prior_numbers(problem, &found.map).1;
     let numbers: Vec<usize> = found.iter().map(prior_numbers).collect();
     let all = numbers.iter().copied().max().unwrap_or(0);
@@ -304,7 +317,9 @@ pub fn choose(
         let known = core::iter::once(&best).chain(&best.alternatives);
         if is_as_good(variance(&rival), least, ratio, rounding)
             && missing(&rival) == missing(&best)
-            && known.into_iter().all(|other| !same(&rival.map, &other.map, options))
+            && known
+                .into_iter()
+                .all(|other| !same(&rival.map, &other.map, options))
         {
             best.alternatives.push(rival);
         }

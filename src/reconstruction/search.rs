@@ -3,7 +3,7 @@
 
 pub(crate) mod first_three;
 pub(crate) mod hypotheses;
-mod landmark_moves;
+pub(crate) mod landmark_moves;
 pub(crate) mod minima;
 pub(crate) mod options;
 pub(crate) mod plain;

@@ -14,8 +14,8 @@ use super::incremental::options::IncrementalOptions;
 use super::infinity::InfinityOptions;
 use super::judge::JudgeOptions;
 use super::odometry::options::{
-    HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
-    StrideOptions,
+    HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions,
+    RobustGrowthOptions, StrideOptions,
 };
 use super::robust::options::RobustOptions;
 use super::search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};

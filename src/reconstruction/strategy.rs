@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Choice of the strategy by how much the views see, and the result of several components.
 
+use super::attempt::{attempt, converged, recoverable};
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
-use super::attempt::recoverable;
 use super::judge::{assess, choose, is_too_costly, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
@@ -12,6 +12,7 @@ use super::search::{first_three, plain};
 use super::sight::is_limited;
 use super::{global, incremental};
 use crate::error::{Degeneracy, Error};
+use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -26,8 +27,8 @@ fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
 
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
-/// Where it fits worse than the stated standard deviations allow, the search goes on: with the other strategy, then with
-/// another seed.
+/// Where it fits worse than the stated standard deviations allow, the search goes on: grown with a loss that few
+/// bearings bend, with the other strategy, with another seed, in this order until one fits.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
@@ -37,10 +38,14 @@ pub fn solve(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
-    judged(problem, persist(problem, options, best, progress)?)
+    let best = persist(problem, options, best, progress)?;
+    judged(
+        problem,
+        converged(problem, best, &options.refine, progress)?,
+    )
 }
 
-/// The best of a map and of what two further searches find, unless it is as good as the standard deviations predict.
+/// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
 fn persist(
     problem: &Problem,
     options: &SolveOptions,
@@ -48,10 +53,42 @@ fn persist(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let judge = &options.stages.judge;
-    if !is_too_costly(problem, &best, judge) || matches!(options.strategy, Strategy::FirstViews(_)) {
+    let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
+    if named || options.refine.loss != Loss::Squared || !is_too_costly(problem, &best, judge) {
         return Ok(best);
     }
+    let mut found = vec![best];
+    for further in further_searches(problem, options) {
+        let Ok(mut map) = recoverable(lowest(problem, &further, progress))? else {
+            continue;
+        };
+        if further.refine.loss != options.refine.loss {
+            let mut start = map.map.clone();
+            let components = core::mem::take(&mut map.components);
+            let Some(report) = attempt(problem, &mut start, &options.refine, None)? else {
+                continue;
+            };
+            map = Reconstruction::new(problem, &start, report);
+            map.components = components;
+        }
+        let enough = !is_too_costly(problem, &map, judge) && map.components.is_empty();
+        found.push(map);
+        if enough {
+            break;
+        }
+    }
+    choose(problem, found, judge)
+}
+
+/// Searches that find other minima than the one by the options.
+fn further_searches(problem: &Problem, options: &SolveOptions) -> [SolveOptions; 3] {
+    let mut robust = SolveOptions {
+        strategy: Strategy::Incremental,
+        ..*options
+    };
+    robust.refine.loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
     let mut other = *options;
+    other.seed = options.seed.wrapping_add(1);
     let incremental = effective(problem, options) == Strategy::Incremental;
     if incremental && problem.views() <= options.stages.sight.many_views {
         other.strategy = Strategy::Search;
@@ -60,21 +97,11 @@ fn persist(
     } else {
         other.strategy = Strategy::Incremental;
     }
-    let mut found = vec![best];
-    for (further, seed) in [(&other, 1), (options, 2)] {
-        let further = SolveOptions {
-            seed: options.seed.wrapping_add(seed),
-            ..*further
-        };
-        if let Ok(map) = recoverable(lowest(problem, &further, progress))? {
-            let enough = !is_too_costly(problem, &map, judge);
-            found.push(map);
-            if enough {
-                break;
-            }
-        }
-    }
-    choose(problem, found, judge)
+    let seeded = SolveOptions {
+        seed: options.seed.wrapping_add(2),
+        ..*options
+    };
+    [robust, other, seeded]
 }
 
 /// As [`solve`], but not yet tested for free directions.

@@ -23,6 +23,10 @@ pub fn finish(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let stage = &options.stages.incremental;
+    let refine = RefineOptions {
+        max_iterations: options.refine.max_iterations.min(stage.finished_iterations),
+        ..options.refine
+    };
     let mut best: Option<Reconstruction> = None;
     for _ in 0..stage.completions {
         // The gauge of a reconstruction is as good as any.
@@ -34,7 +38,7 @@ pub fn finish(
         if best.is_some() && map.poses.iter().flatten().count() == before {
             break;
         }
-        match refined(problem, &options.refine, map.clone(), progress)? {
+        match refined(problem, &refine, map.clone(), progress)? {
             Some(found) => {
                 let converged = found.termination.was_successful();
                 best = Some(found);

@@ -58,6 +58,8 @@ pub struct IncrementalOptions {
     pub first_iterations: usize,
     /// Maximum number of maps refined further after the first iterations. Not sensitive.
     pub max_finished: usize,
+    /// Most iterations of them: what takes more is a wrong map, or goes on when it has become the best.
+    pub finished_iterations: usize,
     /// A map is refined further only if its variance is at most this many times that of the best. Not sensitive.
     pub hopeless_ratio: f64,
 
@@ -90,6 +92,7 @@ impl Default for IncrementalOptions {
             far_sizes: 30.0,
             first_iterations: 8,
             max_finished: 3,
+            finished_iterations: 100,
             hopeless_ratio: 30.0,
             fitting_ratio: 4.0,
             joining_landmarks: 2,

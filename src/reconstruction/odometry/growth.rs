@@ -11,10 +11,9 @@ use super::super::attempt::attempt;
 use super::super::global::positions;
 use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
-use super::super::stages::StageOptions;
 use super::super::robust::motions::{Motions, OdometryLink};
+use super::super::stages::StageOptions;
 use super::frames::{in_frame_of, in_frame_of_priors, united};
-use super::headings::maps_from_positions;
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -74,7 +73,7 @@ pub trait Placement {
 /// The position of a landmark in the second of two pieces, and in the first.
 pub type Shared = (Point2<f64>, Point2<f64>);
 
-/// Maps from all that is known, that in the frame of the priors first, then the one with most views; those after
+/// Maps from all that is known, and from seeds in the frame of the priors; that in the frame of the priors first, then the one with most views; those after
 /// the first share too little with it. None where nothing is known besides bearings.
 ///
 /// # Errors
@@ -82,6 +81,7 @@ pub type Shared = (Point2<f64>, Point2<f64>);
 pub fn grow_from_priors(
     problem: &Problem,
     placement: &mut impl Placement,
+    seeds: &[Map],
     stages: &StageOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
@@ -99,7 +99,7 @@ pub fn grow_from_priors(
         framed: true,
     };
     growth.extend(&mut world)?;
-    growth.search_headings(&mut world)?;
+    growth.add_best_seed(&mut world, seeds)?;
     let mut pieces = growth.pieces(&mut world)?;
     // What is in the frame of the priors stays first, so that the others are moved into it.
     pieces.sort_by_key(|piece| core::cmp::Reverse(size(&piece.map)));
@@ -174,21 +174,17 @@ impl<P: Placement> Growth<'_, '_, P> {
         Ok(true)
     }
 
-    /// Adds views of known position and unknown heading that nothing else has placed.
-    fn search_headings(&mut self, world: &mut Piece) -> Result<(), Error> {
-        let missing = |view: &usize| {
-            world.map.poses[*view].is_none()
-                && self.known.positions[*view].is_some()
-                && self.motions.of(*view).is_empty()
-        };
-        if (0..self.problem.views()).filter(missing).nth(2).is_none() {
-            return Ok(());
-        }
-        let found = maps_from_positions(self.problem, &self.known, &self.stages.headings);
+    /// Adds views of known position whose headings were searched, unless something else has placed them.
+    fn add_best_seed(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<(), Error> {
         let mut best: Option<(f64, Piece)> = None;
-        for map in found {
+        for map in seeds {
+            let reached =
+                |(seed, known): (&Option<_>, &Option<_>)| seed.is_none() || known.is_some();
+            if map.poses.iter().zip(&world.map.poses).all(reached) {
+                continue;
+            }
             let mut piece = Piece {
-                map: united(&world.map, &map),
+                map: united(&world.map, map),
                 framed: true,
             };
             self.extend(&mut piece)?;
@@ -284,7 +280,9 @@ impl<P: Placement> Growth<'_, '_, P> {
         self.place_landmarks(piece);
         let options = self.placement.refine_options();
         let options = RefineOptions {
-            max_iterations: options.max_iterations.min(self.stages.odometry_growth.iterations),
+            max_iterations: options
+                .max_iterations
+                .min(self.stages.odometry_growth.iterations),
             ..options
         };
         let problem = if piece.framed {

@@ -5,10 +5,10 @@
 //! sees it. Where that view sees two and more, their headings agree or they do not. So the two headings are searched
 //! over a grid, and what agrees best is refined.
 
+use super::super::robust::motions::Motions;
 use super::known::Known;
 use super::options::HeadingOptions;
 use crate::geometry::Pose;
-use crate::kernels::triangulate;
 use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
@@ -19,10 +19,13 @@ const SHARED: usize = 2;
 
 /// Maps of the views of known position, the best first; none where no two of them share landmarks that others see.
 pub fn maps_from_positions(problem: &Problem, known: &Known, options: &HeadingOptions) -> Vec<Map> {
-    let views: Vec<(usize, Vector2<f64>)> = (0..problem.views())
-        .filter(|&view| !problem.of_view(view).is_empty())
+    let motions = Motions::new(problem);
+    let mut views: Vec<(usize, Vector2<f64>)> = (0..problem.views())
+        .filter(|&view| known.headings[view].is_none() && motions.of(view).is_empty())
         .filter_map(|view| Some((view, known.positions[view]?)))
         .collect();
+    views.sort_by_key(|&(view, _)| (core::cmp::Reverse(problem.of_view(view).len()), view));
+    views.truncate(options.views);
     let mut pairs = Vec::new();
     for (k, &first) in views.iter().enumerate() {
         for &second in &views[..k] {
@@ -190,12 +193,17 @@ fn crossings(
     pair: [(usize, Vector2<f64>); 2],
     headings: [&UnitComplex<f64>; 2],
 ) -> Vec<Option<Point2<f64>>> {
-    let poses: [Pose<f64>; 2] =
-        [0, 1].map(|k| Pose::from_parts(Translation2::from(pair[k].1), *headings[k]));
+    let [from, to] = pair.map(|(_, position)| position);
+    let baseline = to - from;
     let meet = |sightings: &[&IndexedSighting; 2]| {
-        let rays = [0, 1].map(|k| (poses[k], sightings[k].bearing));
-        let found = triangulate(rays).ok()?;
-        (found.behind == 0).then_some(found.point)
+        let [u, v] = [0, 1].map(|k| {
+            let ray = headings[k].into_inner() * sightings[k].bearing.into_inner();
+            Vector2::new(ray.re, ray.im)
+        });
+        let sine = u.perp(&v);
+        let (first, second) = (baseline.perp(&v) / sine, baseline.perp(&u) / sine);
+        let ahead = first > 0.0 && second > 0.0 && first.is_finite();
+        ahead.then(|| Point2::from(from + u * first))
     };
     shared.iter().map(meet).collect()
 }

@@ -14,6 +14,10 @@ pub struct PosteriorOptions {
     pub many_views: usize,
     /// Refinements of a map, each of which may make room for what did not fit before.
     pub completions: usize,
+    /// Maximum number of iterations of each start: what takes more goes on only when it may become the best.
+    pub first_iterations: usize,
+    /// Most starts that go on then.
+    pub finished: usize,
 }
 
 impl Default for PosteriorOptions {
@@ -21,6 +25,8 @@ impl Default for PosteriorOptions {
         Self {
             many_views: 40,
             completions: 3,
+            first_iterations: 100,
+            finished: 3,
         }
     }
 }
@@ -63,6 +69,8 @@ pub struct HeadingOptions {
     pub headings: usize,
     /// Angle \[rad\] at which two headings agree by half: about what a step of the grid changes.
     pub half_agreed: f64,
+    /// Views that are looked at, those first that see most landmarks: others are placed by what these find.
+    pub views: usize,
     /// Pairs of views that are tried, those with most checks first.
     pub pairs: usize,
     /// Local minima over the grids of all pairs that become maps.
@@ -74,8 +82,9 @@ impl Default for HeadingOptions {
         Self {
             headings: 72,
             half_agreed: 0.1,
+            views: 40,
             pairs: 4,
-            maps: 24,
+            maps: 8,
         }
     }
 }

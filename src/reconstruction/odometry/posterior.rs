@@ -7,23 +7,27 @@
 //! that they do not spoil, and the search from bearings alone, whose work is quadratic in the views, is left out where
 //! it could place only a few of many views.
 
-use super::super::attempt::recoverable;
+use super::super::attempt::{converged, recoverable};
 use super::super::incremental::complete::place_all;
-use super::super::infinity::{drop_landmarks_at_infinity, drop_misplaced};
+use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
 use super::super::judge::{
-    choose, is_plausible_consensus, is_plausible_posterior, prices, refuse_minority,
+    SAME_COST, choose, is_plausible_consensus, is_plausible_posterior, is_too_costly, prices,
+    refuse_minority, variance,
 };
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::{check_sigmas, solve_robust};
+use super::super::search::landmark_moves::moved_landmarks;
 use super::super::strategy;
 use super::growth::grow_from_priors;
+use super::headings::maps_from_positions;
+use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::{Degeneracy, Error};
-use crate::lm::{Loss, RefineOptions};
-use crate::problem::{Map, Problem};
+use crate::lm::{Loss, RefineOptions, Termination};
+use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 
 /// Poses and landmarks of a problem with odometry or priors.
@@ -48,9 +52,10 @@ pub fn solve_posterior(
         found: Vec::new(),
         failure: NOTHING,
     };
+    let seeds = maps_from_positions(problem, &Known::of(problem), &stages.headings);
     let mut starts = Vec::new();
     if options.robust {
-        starts = robust_start::along_odometry(problem, options, attempts.progress)?;
+        starts = robust_start::robust_starts(problem, &seeds, options, attempts.progress)?;
         if let Some(start) = starts.first() {
             attempts.refine_fitted(start)?;
         }
@@ -66,7 +71,7 @@ pub fn solve_posterior(
             ..options.refine
         };
         let mut placement = LeastSquaresPlacement::new(problem, &growing, stages);
-        let grown = grow_from_priors(problem, &mut placement, stages, attempts.progress)?;
+        let grown = grow_from_priors(problem, &mut placement, &seeds, stages, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
@@ -76,27 +81,23 @@ pub fn solve_posterior(
     if !(attempts.suffice() || hopeless) {
         attempts.refine_from_bearings()?;
     }
-    if !options.robust && check_sigmas(problem).is_ok() && !attempts.is_plausible() {
-        let grown = robust_start::robust_starts(problem, options, attempts.progress)?;
+    if !options.robust && check_sigmas(problem).is_ok() && attempts.are_too_costly() {
+        let grown = robust_start::robust_starts(problem, &seeds, options, attempts.progress)?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
         starts.extend(grown);
     }
-    let Attempts { found, failure, .. } = &mut attempts;
-    let found = core::mem::take(found);
-    if found.is_empty() {
-        return Err(core::mem::replace(failure, NOTHING));
-    }
-    let mut best = if options.robust {
-        lowest(found)
+    let best = if options.robust {
+        lowest(core::mem::take(&mut attempts.found))
     } else {
-        choose(problem, found, &stages.judge)?
+        attempts.best()?
+    };
+    let Some(best) = best else {
+        return Err(attempts.failure);
     };
     if options.robust {
         refuse_minority(&best, &stages.judge)?;
-    } else {
-        best = attempts.finish(best)?;
     }
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut maps = Vec::from([best]);
@@ -113,11 +114,9 @@ pub fn solve_posterior(
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }
 
-/// The map of the least truncated cost, which counts what it does not reach as outliers, with the others that are as
-/// good as its alternatives.
-fn lowest(mut found: Vec<Reconstruction>) -> Reconstruction {
-    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    found.swap_remove(0)
+/// The map of the least truncated cost, which counts what it does not reach as outliers.
+fn lowest(found: Vec<Reconstruction>) -> Option<Reconstruction> {
+    found.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
 
 /// No start has led to a map.
@@ -151,11 +150,11 @@ impl Attempts<'_, '_> {
         self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
-    /// Whether one of the minima is as low as the standard deviations predict.
-    fn is_plausible(&self) -> bool {
+    /// Whether all minima are higher than the standard deviations predict.
+    fn are_too_costly(&self) -> bool {
         let judge = &self.options.stages.judge;
         let mut found = self.found.iter();
-        found.any(|found| is_plausible_posterior(found, judge))
+        found.all(|found| is_too_costly(self.problem, found, judge))
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
@@ -171,7 +170,8 @@ impl Attempts<'_, '_> {
             self.found.extend(found);
             return Ok(());
         }
-        let Some(mut found) = self.refined(start)? else {
+        let first = self.options.stages.posterior.first_iterations;
+        let Some(mut found) = self.refined(start, first)? else {
             return Ok(());
         };
         let stages = &self.options.stages;
@@ -181,7 +181,7 @@ impl Attempts<'_, '_> {
             if map.determined().count() == found.map.determined().count() {
                 break;
             }
-            let Some(completed) = self.refined(&map)? else {
+            let Some(completed) = self.refined(&map, first)? else {
                 break;
             };
             let both = [found, completed];
@@ -197,16 +197,19 @@ impl Attempts<'_, '_> {
         Ok(())
     }
 
-    /// The minimum that a start leads to; `None` when it cannot be refined.
-    fn refined(&mut self, start: &Map) -> Result<Option<Reconstruction>, Error> {
-        let options = &self.options.refine;
+    /// The minimum that a start leads to in so many iterations; `None` when it cannot be refined.
+    fn refined(&mut self, start: &Map, iterations: usize) -> Result<Option<Reconstruction>, Error> {
+        let options = RefineOptions {
+            max_iterations: self.options.refine.max_iterations.min(iterations),
+            ..self.options.refine
+        };
         let mut map = start.clone();
         let mut observer =
             |done, _| report_progress(self.progress, "refine", done, options.max_iterations);
         match recoverable(refine_map(
             self.problem,
             &mut map,
-            options,
+            &options,
             Some(&mut observer),
         ))? {
             Ok(report) => Ok(Some(Reconstruction::new(self.problem, &map, report))),
@@ -217,21 +220,87 @@ impl Attempts<'_, '_> {
         }
     }
 
-    /// Takes out of the best map what cannot be where it is, and refines the rest again.
-    fn finish(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
+    /// The best of what has been found, with its rivals; those that have not converged go on before, as far as they may
+    /// become the best.
+    fn best(&mut self) -> Result<Option<Reconstruction>, Error> {
+        let stages = &self.options.stages;
+        let mut found = core::mem::take(&mut self.found);
+        let prices = prices(self.problem, &found, &stages.judge);
+        let least = prices.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        order.sort_by(|&a, &b| prices[a].total_cmp(&prices[b]));
+        for k in order.into_iter().take(stages.posterior.finished) {
+            if prices[k] <= least * stages.judge.rival_ratio
+                && found[k].termination == Termination::MaxIterations
+            {
+                found[k] = converged(
+                    self.problem,
+                    found[k].clone(),
+                    &self.options.refine,
+                    self.progress,
+                )?;
+            }
+        }
+        if found.is_empty() {
+            return Ok(None);
+        }
+        let mut best = choose(self.problem, found, &stages.judge)?;
+        if !self.many {
+            best = self.with_landmarks_moved(best)?;
+        }
         let alternatives = core::mem::take(&mut best.alternatives);
-        if let Some((map, dropped)) = drop_misplaced(self.problem, &best.map, &self.options.stages.infinity)
-            && let Some(mut found) = self.refined(&map)?
-        {
-            found
-                .undetermined
-                .retain(|one| dropped.iter().all(|other| other.subject != one.subject));
-            found.undetermined.extend(dropped);
-            found.undetermined.sort_by_key(|one| one.subject);
-            best = found;
+        best = self.without_landmarks_behind(best)?;
+        best.alternatives = alternatives;
+        Ok(Some(best))
+    }
+
+    /// A map with single landmarks in other places, as long as that makes it better.
+    fn with_landmarks_moved(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
+        let stages = &self.options.stages;
+        let alternatives = core::mem::take(&mut best.alternatives);
+        for _ in 0..stages.minima.move_rounds {
+            if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
+                break;
+            }
+            let moved = moved_landmarks(
+                self.problem,
+                &best.map,
+                variance(&best).max(1.0),
+                &stages.landmark_moves,
+            );
+            let mut lower = false;
+            for map in moved.into_iter().take(stages.minima.moves) {
+                let found = self.refined(&map, stages.minima.moved_iterations)?;
+                if let Some(found) = found
+                    && found.undetermined.len() <= best.undetermined.len()
+                    && found.cost < best.cost * SAME_COST
+                {
+                    best = converged(self.problem, found, &self.options.refine, self.progress)?;
+                    lower = true;
+                    break;
+                }
+            }
+            if !lower {
+                break;
+            }
         }
         best.alternatives = alternatives;
         Ok(best)
+    }
+
+    /// A map without the landmarks that are behind their rays, refined again.
+    fn without_landmarks_behind(&mut self, best: Reconstruction) -> Result<Reconstruction, Error> {
+        let Some((map, dropped)) = without_landmarks_behind(self.problem, &best.map) else {
+            return Ok(best);
+        };
+        let Some(mut found) = self.refined(&map, usize::MAX)? else {
+            return Ok(best);
+        };
+        let listed = |one: &Undetermined| dropped.iter().any(|other| other.subject == one.subject);
+        found.undetermined.retain(|one| !listed(one));
+        found.undetermined.extend(dropped);
+        found.undetermined.sort_by_key(|one| one.subject);
+        Ok(found)
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
@@ -241,7 +310,7 @@ impl Attempts<'_, '_> {
         let best = if self.options.robust {
             solve_robust(&alone, self.options, self.progress)
         } else {
-            strategy::solve(&alone, self.options, self.progress)
+            strategy::lowest(&alone, self.options, self.progress)
         };
         let best = match recoverable(best)? {
             Ok(best) => best,

@@ -36,6 +36,7 @@ const FIXING: usize = 2;
 /// [`Error::Interrupted`], [`Error::OutOfMemory`] and [`Error::SigmaTooLarge`].
 pub fn robust_starts(
     problem: &Problem,
+    seeds: &[Map],
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
@@ -51,7 +52,7 @@ pub fn robust_starts(
         },
         random: ChaCha8Rng::seed_from_u64(options.seed),
     };
-    grow_from_priors(problem, &mut placement, &options.stages, progress)
+    grow_from_priors(problem, &mut placement, seeds, &options.stages, progress)
 }
 
 /// The robust placement.

@@ -120,7 +120,8 @@ impl<'a, 'p> Minima<'a, 'p> {
                 continue;
             }
             let used = found.iterations;
-            let left = self.refine.max_iterations.saturating_sub(used);
+            let most = self.stages.minima.finished_iterations;
+            let left = self.refine.max_iterations.min(most).saturating_sub(used);
             if let Some(found) = self.refine(found.map, left, used, (done, total))? {
                 let beyond_doubt = !all
                     && found.freedom >= self.stages.minima.sure_freedom

@@ -57,6 +57,8 @@ pub struct MinimaOptions {
     pub first_iterations: usize,
     /// Maximum number of unfinished candidates that get more iterations. Not sensitive.
     pub max_finished: usize,
+    /// Most iterations of them: what takes more is a wrong map, or goes on when it has become the best.
+    pub finished_iterations: usize,
     /// An unfinished candidate is given up when its cost is more than this many times that of the best minimum. Half
     /// fails on two of 330 scenes more, double on none.
     pub hopeless_ratio: f64,
@@ -77,6 +79,7 @@ impl Default for MinimaOptions {
         Self {
             first_iterations: 8,
             max_finished: 3,
+            finished_iterations: 100,
             hopeless_ratio: 30.0,
             sure_freedom: 45,
             moves: 4,
