@@ -10,7 +10,6 @@
 //! With outliers the cost is the truncated one, and the truth is followed to its own fixed point. Scenes of
 //! which the truth itself cannot be refined are not counted.
 
-mod explore;
 mod scenes;
 
 use bearslam::{
@@ -49,18 +48,6 @@ fn main() {
                 .any(|class| class.name.starts_with(word.as_str()))
         })
         .collect();
-    if let Some(at) = words.iter().position(|word| word == "explore") {
-        let class = CLASSES
-            .iter()
-            .find(|class| class.name == words[at + 1])
-            .unwrap();
-        let seeds: Vec<u64> = words[at + 2..]
-            .iter()
-            .filter_map(|w| w.parse().ok())
-            .collect();
-        explore::explore(class, &seeds);
-        return;
-    }
     println!(
         "| class | scenes | not counted | failures | silent | median time \\[ms\\] | worst \\[ms\\] | truth \\[ms\\] |"
     );
