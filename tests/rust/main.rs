@@ -26,6 +26,7 @@ mod single;
 mod solve;
 #[cfg(feature = "serde")]
 mod stages;
+mod start;
 #[cfg(feature = "rayon")]
 mod sweep;
 mod unoriented;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Pieces brought into one frame: that of the priors where these fix it, otherwise by the landmarks that they share.
 
-use super::growth::Shared;
 use crate::adjustment::aligned_to_priors;
 use crate::adjustment::gauge::gauge_and_prior_numbers;
 #[cfg(not(feature = "std"))]
@@ -10,10 +9,14 @@ use crate::geometry::align;
 use crate::geometry::points::{centroid, spread};
 use crate::problem::{LandmarkPrior, Map, Noise, Problem};
 use alloc::vec::Vec;
+use nalgebra::Point2;
 
 /// The standard deviation of a shared landmark beside priors, as a part of the size of the map that it is taken from:
 /// it only has to weigh less than a survey and more than nothing.
 const SHARED: f64 = 0.01;
+
+/// The position of a landmark in the second of two pieces, and in the first.
+pub type Shared = (Point2<f64>, Point2<f64>);
 
 /// A piece in the frame of the priors; `None` where odometry and priors leave some of its frame free.
 pub fn in_frame_of_priors(problem: &Problem, piece: &Map) -> Option<Map> {

@@ -13,7 +13,7 @@ use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
-use super::frames::{in_frame_of, in_frame_of_priors, united};
+use super::frames::{Shared, in_frame_of, in_frame_of_priors, united};
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -21,7 +21,6 @@ use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
-use nalgebra::Point2;
 
 /// A piece: a map, and whether it is in the frame of the priors.
 pub struct Piece {
@@ -69,9 +68,6 @@ pub trait Placement {
     /// [`Error::Interrupted`] and [`Error::OutOfMemory`] of the refinement.
     fn complete(&mut self, map: &mut Map) -> Result<(), Error>;
 }
-
-/// The position of a landmark in the second of two pieces, and in the first.
-pub type Shared = (Point2<f64>, Point2<f64>);
 
 /// Maps from all that is known, and from seeds in the frame of the priors; that in the frame of the priors first, then the one with most views; those after
 /// the first share too little with it. None where nothing is known besides bearings.

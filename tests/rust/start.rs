@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! First maps from whatever is known besides bearings, and how maps are compared.
+
+use bearslam::{
+    LandmarkPrior, Map, Noise, Odometry, Pose, PosePrior, Problem, RefineOptions, Sighting,
+    SolveOptions, Strategy, Subject, Why, bearing_to, pose, refine, solve,
+};
+use nalgebra::Point2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::{PI, TAU};
+
+const SIGMA: f64 = 0.005;
+const UNKNOWN: f64 = f64::INFINITY;
+
+/// Poses and landmarks that are measured with uniform errors of about the standard deviation.
+struct World {
+    random: ChaCha8Rng,
+    poses: Vec<Pose<f64>>,
+    landmarks: Vec<Point2<f64>>,
+}
+
+impl World {
+    fn new(seed: u64) -> Self {
+        Self {
+            random: ChaCha8Rng::seed_from_u64(seed),
+            poses: Vec::new(),
+            landmarks: Vec::new(),
+        }
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.random.random::<f64>()
+    }
+
+    /// A robot that drives most of a circle about a center.
+    fn drive(&mut self, center: Point2<f64>, views: usize) {
+        let turn = self.between(-PI, PI);
+        for view in 0..views {
+            let along = turn + 4.5 * view as f64 / views as f64;
+            let (sin, cos) = along.sin_cos();
+            self.poses.push(pose(
+                center.x + 5.0 * cos,
+                center.y + 5.0 * sin,
+                along + PI / 2.0,
+            ));
+        }
+    }
+
+    fn scatter(&mut self, center: Point2<f64>, count: usize) {
+        for _ in 0..count {
+            let (x, y) = (self.between(-9.0, 9.0), self.between(-9.0, 9.0));
+            self.landmarks.push(Point2::new(center.x + x, center.y + y));
+        }
+    }
+
+    fn problem(&mut self, sees: impl Fn(usize, usize) -> bool) -> Problem {
+        let mut sightings = Vec::new();
+        for view in 0..self.poses.len() {
+            for landmark in (0..self.landmarks.len()).filter(|&landmark| sees(view, landmark)) {
+                let error = self.between(-1.5, 1.5) * SIGMA;
+                let toward = bearing_to(&self.poses[view], &self.landmarks[landmark]).unwrap();
+                let bearing = (toward.angle() + error + PI).rem_euclid(TAU) - PI;
+                sightings.push(Sighting {
+                    view,
+                    landmark,
+                    bearing,
+                    sigma: SIGMA,
+                });
+            }
+        }
+        Problem::new(self.poses.len(), self.landmarks.len(), &sightings).unwrap()
+    }
+
+    /// Motions within robots of so many views.
+    fn odometry(&mut self, views: usize) -> Vec<Odometry> {
+        (1..self.poses.len())
+            .filter(|end| end % views != 0)
+            .map(|end| {
+                let error: Pose<f64> = pose(
+                    self.between(-0.03, 0.03),
+                    self.between(-0.03, 0.03),
+                    self.between(-0.01, 0.01),
+                );
+                Odometry {
+                    start: end - 1,
+                    end,
+                    delta: self.poses[end - 1].inv_mul(&self.poses[end]) * error,
+                    noise: Noise::Sigmas([0.02, 0.02, 0.01]),
+                }
+            })
+            .collect()
+    }
+
+    fn known_landmarks(&self, which: &[usize]) -> Vec<LandmarkPrior> {
+        let known = which.iter().map(|&landmark| LandmarkPrior {
+            landmark,
+            position: self.landmarks[landmark],
+            noise: Noise::Sigmas([0.01; 2]),
+        });
+        known.collect()
+    }
+
+    /// What is known of each view, of the truth; what has an infinite standard deviation is not.
+    fn known_poses(&self, sigmas: [f64; 3]) -> Vec<PosePrior> {
+        let known = self.poses.iter().enumerate().map(|(view, truth)| {
+            let of = |value: f64, sigma: f64| if sigma.is_finite() { value } else { 0.0 };
+            let (at, heading) = (truth.translation.vector, truth.rotation.angle());
+            PosePrior {
+                view,
+                pose: pose(
+                    of(at.x, sigmas[0]),
+                    of(at.y, sigmas[1]),
+                    of(heading, sigmas[2]),
+                ),
+                noise: Noise::Sigmas(sigmas),
+            }
+        });
+        known.collect()
+    }
+
+    fn truth(&self) -> Map {
+        Map {
+            poses: self.poses.iter().copied().map(Some).collect(),
+            landmarks: self.landmarks.iter().copied().map(Some).collect(),
+        }
+    }
+
+    /// Solves and compares with the refinement from the truth.
+    fn reaches_the_truth(&self, problem: &Problem, robust: bool) {
+        let options = SolveOptions {
+            robust,
+            ..SolveOptions::default()
+        };
+        let best = refine(problem, &self.truth(), &RefineOptions::default(), None).unwrap();
+        let found = solve(problem, &options, None).unwrap();
+        assert!(found.map.is_complete(), "{:?}", found.undetermined);
+        let slack = 1e-5 * best.cost.max(1.0);
+        assert!(
+            found.cost < best.cost + slack,
+            "{} {}",
+            found.cost,
+            best.cost
+        );
+    }
+}
+
+/// Two robots that see nothing in common are in one frame by two surveyed beacons each.
+#[test]
+fn beacons_bring_robots_into_one_frame() {
+    for seed in 0..4 {
+        let mut world = World::new(seed);
+        for robot in [0.0, 30.0] {
+            let center = Point2::new(robot, 5.0);
+            world.drive(center, 12);
+            world.scatter(center, 4);
+        }
+        let problem = world.problem(|view, landmark| view / 12 == landmark / 4);
+        let problem = problem.with_odometry(&world.odometry(12)).unwrap();
+        let beacons = world.known_landmarks(&[0, 1, 4, 5]);
+        let problem = problem.with_landmark_priors(&beacons).unwrap();
+        world.reaches_the_truth(&problem, false);
+        world.reaches_the_truth(&problem, true);
+    }
+}
+
+/// A compass on each of two robots turns them alike, and one shared landmark places them.
+#[test]
+fn a_compass_and_one_shared_landmark_bring_robots_into_one_frame() {
+    for seed in 0..4 {
+        let mut world = World::new(seed);
+        for robot in [0.0, 12.0] {
+            let center = Point2::new(robot, 5.0);
+            world.drive(center, 12);
+            world.scatter(center, 4);
+        }
+        // The last of the first robot is seen by both.
+        let sees = |view: usize, landmark: usize| view / 12 == landmark / 4 || landmark == 3;
+        let problem = world.problem(sees);
+        let problem = problem.with_odometry(&world.odometry(12)).unwrap();
+        let compass = world.known_poses([UNKNOWN, UNKNOWN, 0.01]);
+        let problem = problem.with_pose_priors(&compass).unwrap();
+        world.reaches_the_truth(&problem, false);
+    }
+}
+
+/// Anchors at known places, mounted at unknown headings.
+#[test]
+fn headings_of_known_positions_are_searched() {
+    for seed in 0..8 {
+        let mut world = World::new(seed);
+        for (x, y) in [(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)] {
+            let heading = world.between(-PI, PI);
+            world.poses.push(pose(x, y, heading));
+        }
+        for _ in 0..3 {
+            let place = Point2::new(world.between(1.0, 9.0), world.between(1.0, 7.0));
+            world.landmarks.push(place);
+        }
+        let problem = world.problem(|_, _| true);
+        let known = world.known_poses([0.01, 0.01, UNKNOWN]);
+        let problem = problem.with_pose_priors(&known).unwrap();
+        world.reaches_the_truth(&problem, false);
+    }
+}
+
+/// Known headings make positions linear, where views see too little for bearings alone.
+#[test]
+fn a_compass_places_views_that_see_four_landmarks() {
+    for seed in 0..8 {
+        let mut world = World::new(seed);
+        for _ in 0..10 {
+            let (x, y) = (world.between(0.0, 20.0), world.between(0.0, 15.0));
+            let heading = world.between(-PI, PI);
+            world.poses.push(pose(x, y, heading));
+        }
+        for _ in 0..8 {
+            let place = Point2::new(world.between(0.0, 20.0), world.between(0.0, 15.0));
+            world.landmarks.push(place);
+        }
+        let problem = world.problem(|view, landmark| (view + landmark) % 2 == 0 || landmark == 7);
+        let known = world.known_poses([UNKNOWN, UNKNOWN, 0.01]);
+        let problem = problem.with_pose_priors(&known).unwrap();
+        world.reaches_the_truth(&problem, false);
+    }
+}
+
+/// A single view of known heading is placed by two known landmarks, one of known position turned by one.
+#[test]
+fn half_a_pose_and_few_landmarks_locate_a_view() {
+    for (landmarks, sigmas) in [(2, [UNKNOWN, UNKNOWN, 0.01]), (1, [0.01, 0.01, UNKNOWN])] {
+        let mut world = World::new(7);
+        world.poses.push(pose(3.0, -2.0, 2.2));
+        world.scatter(Point2::new(0.0, 0.0), landmarks);
+        let problem = world.problem(|_, _| true);
+        let problem = problem
+            .with_pose_priors(&world.known_poses(sigmas))
+            .unwrap();
+        let all: Vec<usize> = (0..landmarks).collect();
+        let known = world.known_landmarks(&all);
+        let problem = problem.with_landmark_priors(&known).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let error = found.map.poses[0].unwrap().inv_mul(&world.poses[0]);
+        assert!(error.translation.vector.norm() < 0.3, "{error}");
+        assert!(error.rotation.angle().abs() < 0.05, "{error}");
+    }
+}
+
+/// Rays of two known stations that meet behind them leave their landmark without a place.
+#[test]
+fn rays_that_diverge_place_no_landmark() {
+    let mut world = World::new(0);
+    world.poses = vec![pose(0.0, 0.0, 0.0), pose(10.0, 0.0, 0.0)];
+    let sighting = |view: usize, bearing: f64| Sighting {
+        view,
+        landmark: 0,
+        bearing,
+        sigma: SIGMA,
+    };
+    let problem = Problem::new(2, 1, &[sighting(0, 0.5), sighting(1, 0.2)]).unwrap();
+    let known = world.known_poses([0.01; 3]);
+    let problem = problem.with_pose_priors(&known).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!(found.map.landmarks[0].is_none());
+    assert_eq!(found.undetermined.len(), 1);
+    assert_eq!(found.undetermined[0].subject, Subject::Landmark(0));
+    assert!(matches!(
+        found.undetermined[0].why,
+        Why::AtInfinity | Why::Degenerate
+    ));
+}
+
+/// A robot that stands still while its odometry creeps: no start wins because its cost is far below what the
+/// standard deviation of the bearings predicts.
+#[test]
+fn a_low_cost_is_no_reason_to_stop() {
+    for (seed, drift) in [(1, 0.022), (2, -0.022), (3, 0.022)] {
+        let mut world = World::new(seed);
+        world.poses = (0..48)
+            .map(|view| pose(if view < 16 { 0.0 } else { -0.1 }, 0.0, -2.9))
+            .collect();
+        world.scatter(Point2::new(0.5, 0.5), 7);
+        let problem = world.problem(|_, _| true);
+        let still: Vec<Odometry> = (1..48)
+            .map(|end| Odometry {
+                start: end - 1,
+                end,
+                delta: world.poses[end - 1].inv_mul(&world.poses[end]) * pose(drift, 0.0, 0.0),
+                noise: Noise::Sigmas([0.02, 0.02, 0.03]),
+            })
+            .collect();
+        let problem = problem.with_odometry(&still).unwrap();
+        let options = RefineOptions {
+            max_iterations: 3000,
+            ..RefineOptions::default()
+        };
+        let best = refine(&problem, &world.truth(), &options, None).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        assert!(
+            found.cost < best.cost * 1.01,
+            "{} {}",
+            found.cost,
+            best.cost
+        );
+    }
+}
+
+/// Where the stated standard deviation says that a minimum is too high, the search finds a lower one: landmarks on
+/// the walls of a corridor.
+#[test]
+fn a_misfit_makes_the_search_go_on() {
+    let mut misses = 0;
+    for seed in 0..12 {
+        let mut world = World::new(seed);
+        for view in 0..8 {
+            let (side, heading) = (world.between(-0.4, 0.4), world.between(-0.3, 0.3));
+            world
+                .poses
+                .push(pose(2.5 * f64::from(view) + 1.0, side, heading));
+        }
+        for landmark in 0..20 {
+            let wall = if landmark % 2 == 0 { 1.5 } else { -1.5 };
+            let along = world.between(0.0, 20.0);
+            let off = world.between(-0.1, 0.1);
+            world.landmarks.push(Point2::new(along, wall + off));
+        }
+        let (poses, landmarks) = (world.poses.clone(), world.landmarks.clone());
+        let near = |view: usize, landmark: usize| {
+            (landmarks[landmark].coords - poses[view].translation.vector).norm() < 7.0
+        };
+        let problem = world.problem(near);
+        let best = refine(&problem, &world.truth(), &RefineOptions::default(), None).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let alone = SolveOptions {
+            strategy: Strategy::Incremental,
+            ..SolveOptions::default()
+        };
+        assert!(solve(&problem, &alone, None).is_ok());
+        misses += usize::from(found.cost > best.cost * (1.0 + 1e-5));
+    }
+    assert!(misses == 0, "{misses} of 12");
+}
