@@ -131,7 +131,11 @@ impl SweepTrial {
         // Bearings without noise are weighted as if they had some.
         let sigma = if cell.noise > 0.0 { cell.noise } else { 1.0 };
         let problem = Problem::dense(cell.views, cell.landmarks, &scene.bearings, sigma)?;
-        let options = RefineOptions::default();
+        // Of random starts most fail: what has not converged by then is lost.
+        let options = RefineOptions {
+            max_iterations: 100,
+            ..RefineOptions::default()
+        };
         let from_truth = match refine(&problem, &scene.map(), &options, Some(&mut *progress)) {
             Err(Error::Interrupted) => return Err(Error::Interrupted),
             Err(_) => f64::INFINITY,

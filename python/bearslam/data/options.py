@@ -104,7 +104,7 @@ class RefineOptions:
     'max_iterations'
     """
 
-    max_iterations: int = 100
+    max_iterations: int = 1000
     damping: float = 1e-4
     tolerance: float = 1e-10
     loss_scale: float | None = None
