@@ -213,6 +213,11 @@ impl FixedByPriors {
         fixed
     }
 
+    /// Whether heading and scale are fixed, and no position is.
+    pub fn leaves_translation_only(&self) -> bool {
+        self.points.is_empty() && self.heading && self.scale
+    }
+
     fn add(&mut self, subject: Subject) {
         if self.points.len() < 2 && !self.points.contains(&subject) {
             self.points.push(subject);

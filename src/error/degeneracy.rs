@@ -42,7 +42,7 @@ pub enum Degeneracy {
     SingularNormalEquations,
     /// No hypothesis of a map could be refined.
     NoHypothesis,
-    /// No start along odometry and priors could be refined.
+    /// Nothing that is known leads to a first map that could be refined.
     NoStart,
     /// No map has redundant sightings.
     NoSpareSighting,
@@ -157,7 +157,7 @@ impl Degeneracy {
             Self::NoStart => (
                 "no_start",
                 "number of starts that could be refined",
-                "check the odometry and its standard deviations, and add sightings",
+                "add odometry, known poses or landmarks, or sightings of landmarks that several views share, and check their standard deviations",
             ),
             Self::NoSpareSighting => (
                 "no_spare_sighting",

@@ -82,7 +82,7 @@ impl Reconstruction {
         Self {
             cost: report.cost,
             rms: (squares / count.max(1.0)).sqrt(),
-            freedom: freedom(problem, &map, &residuals),
+            freedom: freedom(problem, &map, &inliers),
             inliers,
             residuals,
             map,
@@ -145,11 +145,11 @@ impl fmt::Display for Short {
 }
 
 /// Measured numbers minus parameters, without those of the gauge.
-fn freedom(problem: &Problem, map: &Map, residuals: &[Option<f64>]) -> usize {
+fn freedom(problem: &Problem, map: &Map, inliers: &[bool]) -> usize {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();
     let (free, numbers) = gauge_and_prior_numbers(problem, map);
-    let measured = residuals.iter().flatten().count() + numbers;
+    let measured = inliers.iter().filter(|inlier| **inlier).count() + numbers;
     (measured + free).saturating_sub(3 * views + 2 * landmarks)
 }
 

@@ -77,3 +77,12 @@ def chart():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.chart
+
+
+@pytest.fixture(scope="session")
+def cases() -> Path:
+    """Folder of small inputs that went wrong, with right answers."""
+    folder = SHARED / "cases"
+    if not folder.exists():
+        pytest.skip(f"no cases in {folder}; BEARSLAM_SHARED names the folder above cases/")
+    return folder

@@ -2,14 +2,14 @@
 //! Pieces brought into one frame: that of the priors where these fix it, otherwise by the landmarks that they share.
 
 use crate::adjustment::aligned_to_priors;
-use crate::adjustment::gauge::gauge_and_prior_numbers;
+use crate::adjustment::gauge::{FixedByPriors, gauge_and_prior_numbers};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::align;
 use crate::geometry::points::{centroid, spread};
 use crate::problem::{LandmarkPrior, Map, Noise, Problem};
 use alloc::vec::Vec;
-use nalgebra::Point2;
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
 
 /// The standard deviation of a shared landmark beside priors, as a part of the size of the map that it is taken from:
 /// it only has to weigh less than a survey and more than nothing.
@@ -50,6 +50,26 @@ pub fn in_frame_of(problem: &Problem, map: &Map, piece: &Map) -> Option<Map> {
         .collect();
     let problem = problem.clone().with_landmark_priors(&shared).ok()?;
     in_frame_of_priors(&problem, piece)
+}
+
+/// Two pieces of which odometry and priors fix all but the translation as one, the second shifted to where the landmarks that
+/// they share are in the first; `None` where they leave more free.
+pub fn shifted_onto(problem: &Problem, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
+    let turned = maps.map(|map| {
+        let fixed = FixedByPriors::of(&map.restrict(problem));
+        fixed
+            .leaves_translation_only()
+            .then(|| aligned_to_priors(problem, map))
+    });
+    let [first, second] = [turned[0].as_ref()?, turned[1].as_ref()?];
+    if shared.is_empty() {
+        return None;
+    }
+    let both = first.landmarks.iter().zip(&second.landmarks);
+    let offsets: Vec<_> = both.filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
+    let shift = Translation2::from(centroid(&offsets));
+    let shift = Similarity2::from_parts(shift, UnitComplex::identity(), 1.0);
+    Some(united(first, &second.transformed(&shift)))
 }
 
 /// The first map with what the second has beyond it, in the same frame.

@@ -13,7 +13,7 @@ use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
-use super::frames::{Shared, in_frame_of, in_frame_of_priors, united};
+use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto, united};
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -353,8 +353,8 @@ impl<P: Placement> Growth<'_, '_, P> {
         Ok(maps)
     }
 
-    /// Two pieces as one: by priors and shared landmarks together where the first is in the frame of the priors, or by
-    /// shared landmarks alone, whichever explains more; `None` when neither fixes how they lie.
+    /// Two pieces as one: by priors and shared landmarks together where the first is in the frame of the priors or lacks
+    /// only its translation, or by shared landmarks alone, whichever explains more; `None` when neither fixes how they lie.
     fn joined(&mut self, first: &Piece, second: &Piece, shared: &[Shared]) -> Option<Map> {
         let framed = first
             .framed
@@ -364,13 +364,14 @@ impl<P: Placement> Growth<'_, '_, P> {
         let laid = (shared.len() >= self.stages.odometry_growth.min_shared)
             .then(|| self.placement.join([&first.map, &second.map], shared))
             .flatten();
+        let shifted = if framed.is_none() {
+            shifted_onto(self.problem, [&first.map, &second.map], shared)
+        } else {
+            None
+        };
         let score = |map: &Map| score(self.problem, map);
-        let mut both = framed.into_iter().chain(laid);
-        let one = both.next()?;
-        Some(match both.next() {
-            Some(other) if score(&other) < score(&one) => other,
-            _ => one,
-        })
+        let all = framed.into_iter().chain(shifted).chain(laid);
+        all.min_by(|a, b| score(a).total_cmp(&score(b)))
     }
 }
 

@@ -50,7 +50,6 @@ pub fn solve_posterior(
         many,
         progress,
         found: Vec::new(),
-        failure: NOTHING,
     };
     let seeds = maps_from_positions(problem, &Known::of(problem), &stages.headings);
     let mut starts = Vec::new();
@@ -94,7 +93,7 @@ pub fn solve_posterior(
         attempts.best()?
     };
     let Some(best) = best else {
-        return Err(attempts.failure);
+        return Err(NOTHING);
     };
     if options.robust {
         refuse_minority(&best, &stages.judge)?;
@@ -134,8 +133,6 @@ struct Attempts<'a, 'p> {
     many: bool,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
-    /// The error of the last refinement that failed.
-    failure: Error,
 }
 
 impl Attempts<'_, '_> {
@@ -213,10 +210,7 @@ impl Attempts<'_, '_> {
             Some(&mut observer),
         ))? {
             Ok(report) => Ok(Some(Reconstruction::new(self.problem, &map, report))),
-            Err(error) => {
-                self.failure = error;
-                Ok(None)
-            }
+            Err(_) => Ok(None),
         }
     }
 
@@ -314,10 +308,7 @@ impl Attempts<'_, '_> {
         };
         let best = match recoverable(best)? {
             Ok(best) => best,
-            Err(error) => {
-                self.failure = error;
-                return Ok(());
-            }
+            Err(_) => return Ok(()),
         };
         let rivals = core::iter::once(&best).chain(&best.alternatives);
         for map in rivals.map(|rival| &rival.map) {

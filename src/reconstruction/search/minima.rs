@@ -14,7 +14,7 @@ use super::super::stages::StageOptions;
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
 use crate::adjustment::refine_map;
-use crate::error::Error;
+use crate::error::{Degeneracy, Error};
 use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
@@ -190,6 +190,12 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// Those of [`refine_map`] for the last start, when none could be refined.
     pub fn into_found(self) -> Result<Vec<Reconstruction>, Error> {
         match self.failure {
+            // It would speak of a start, of which the caller knows nothing.
+            Some(Error::TooFew { .. }) if self.minima.is_empty() => Err(Error::Degenerate {
+                kind: Degeneracy::NoHypothesis,
+                value: 0.0,
+                bound: 1.0,
+            }),
             Some(error) if self.minima.is_empty() => Err(error),
             _ => Ok(self.minima.into_iter().map(|(found, _)| found).collect()),
         }
