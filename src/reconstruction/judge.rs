@@ -249,7 +249,7 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
 }
 
 /// The root mean square distance of the other views from the first; 1 for a single view.
-fn size(map: &Map) -> f64 {
+pub fn size(map: &Map) -> f64 {
     let mut places = map
         .poses
         .iter()

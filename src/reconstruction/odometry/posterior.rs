@@ -12,12 +12,13 @@ use super::super::incremental::complete::place_all;
 use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
 use super::super::judge::{
     SAME_COST, choose, is_plausible_consensus, is_plausible_posterior, is_too_costly, prices,
-    refuse_minority, variance,
+    refuse_minority, size, variance,
 };
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::solve::{check_sigmas, solve_robust};
 use super::super::search::landmark_moves::moved_landmarks;
+use super::super::search::options::LandmarkMoveOptions;
 use super::super::strategy;
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
@@ -256,12 +257,13 @@ impl Attempts<'_, '_> {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
             }
-            let moved = moved_landmarks(
-                self.problem,
-                &best.map,
-                variance(&best).max(1.0),
-                &stages.landmark_moves,
-            );
+            let size = size(&best.map);
+            let moves = LandmarkMoveOptions {
+                off: stages.landmark_moves.off * size,
+                away: stages.landmark_moves.away * size,
+                ..stages.landmark_moves
+            };
+            let moved = moved_landmarks(self.problem, &best.map, variance(&best).max(1.0), &moves);
             let mut lower = false;
             for map in moved.into_iter().take(stages.minima.moves) {
                 let found = self.refined(&map, stages.minima.moved_iterations)?;
