@@ -15,6 +15,7 @@ pub(crate) mod search;
 mod solve;
 pub(crate) mod strategy;
 
+pub(crate) use options::report_progress;
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use solve::{initialize, refine, solve};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Who sees what, at which bearing.
 
+use super::magnitudes::check_data;
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::sighting::{IndexedSighting, Sighting};
 use super::subject::Subject;
@@ -34,9 +35,9 @@ impl Problem {
     /// A problem from a list of sightings, in any order.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`] and
-    /// [`Error::NotPositive`] for a bad number, [`Error::Duplicate`] when a view sees a landmark
-    /// twice.
+    /// [`Error::OutOfRange`] for an index beyond `views` or `landmarks`, [`Error::NotFinite`],
+    /// [`Error::NotPositive`] and [`Error::Magnitude`] for a bad number, [`Error::Duplicate`] when a view
+    /// sees a landmark twice.
     pub fn new(views: usize, landmarks: usize, sightings: &[Sighting]) -> Result<Self, Error> {
         for (index, sighting) in sightings.iter().enumerate() {
             sighting.check(index, views, landmarks)?;
@@ -63,7 +64,8 @@ impl Problem {
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] when the table is not that large, [`Error::NotFinite`] for an
-    /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`.
+    /// infinite bearing, [`Error::NotPositive`] for a bad `sigma`, [`Error::Magnitude`] for a number out of
+    /// range.
     pub fn dense(
         views: usize,
         landmarks: usize,
@@ -103,8 +105,8 @@ impl Problem {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a view beyond those of the problem, [`Error::SameView`] for a motion from a
-    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`] and [`Error::NotSymmetric`] for
-    /// bad numbers.
+    /// view to itself, [`Error::NotFinite`], [`Error::NotPositive`], [`Error::Magnitude`] and
+    /// [`Error::NotSymmetric`] for bad numbers.
     pub fn with_odometry(mut self, odometry: &[Odometry]) -> Result<Self, Error> {
         for (index, motion) in odometry.iter().enumerate() {
             let &Odometry { start, end, .. } = motion;
@@ -159,11 +161,8 @@ impl Problem {
                 landmark, position, ..
             } = prior;
             check_index("landmark priors: landmark", index, landmark, self.landmarks)?;
-            if !(position.x.is_finite() && position.y.is_finite()) {
-                return Err(Error::NotFinite {
-                    what: "landmark priors: position",
-                    index,
-                });
+            for coordinate in [position.x, position.y] {
+                check_data("landmark priors: position", index, coordinate)?;
             }
             self.priors.push(Prior::Landmark {
                 landmark,
@@ -377,8 +376,11 @@ fn check_index(what: &'static str, index: usize, value: usize, bound: usize) -> 
 }
 
 fn check_pose(what: &'static str, index: usize, pose: &Pose<f64>) -> Result<(), Error> {
-    let place = pose.translation.vector.norm_squared();
-    if (place + pose.rotation.norm_sqr()).is_finite() {
+    let place = &pose.translation.vector;
+    for coordinate in [place.x, place.y] {
+        check_data(what, index, coordinate)?;
+    }
+    if pose.rotation.norm_sqr().is_finite() {
         return Ok(());
     }
     Err(Error::NotFinite { what, index })

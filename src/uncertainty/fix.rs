@@ -6,6 +6,7 @@ use crate::error::{Degeneracy, Error};
 use crate::float::Float;
 use crate::geometry::{Bearing, Pose};
 use crate::lm::{BearingRow, Ray};
+use crate::problem::check_sigma;
 use nalgebra::{Point2, SMatrix, SVector};
 
 /// The uncertainty of a position fix: a landmark from rays of known poses (`N = 2`), or a pose from bearings of
@@ -51,7 +52,7 @@ impl Fix<2> {
     /// A ray that begins at the landmark itself says nothing of it, and does not count.
     ///
     /// # Errors
-    /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a landmark, pose or bearing that is
+    /// [`Error::NotPositive`] and [`Error::Magnitude`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a landmark, pose or bearing that is
     /// not; [`Error::TooFew`] for fewer than two rays; [`Error::Degenerate`] when all are along one line.
     pub fn of_landmark<I>(point: &Point2<f64>, rays: I, sigma: f64) -> Result<Self, Error>
     where
@@ -74,7 +75,7 @@ impl Fix<3> {
     /// A landmark at the position of the view says nothing of it, and does not count.
     ///
     /// # Errors
-    /// [`Error::NotPositive`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a pose, landmark or bearing that is
+    /// [`Error::NotPositive`] and [`Error::Magnitude`] for a bad `sigma` \[rad\]; [`Error::NotFinite`] for a pose, landmark or bearing that is
     /// not; [`Error::TooFew`] for fewer than three landmarks; [`Error::Degenerate`] when they are on one circle with
     /// the view.
     pub fn of_pose<I>(pose: &Pose<f64>, sightings: I, sigma: f64) -> Result<Self, Error>
@@ -93,18 +94,10 @@ impl Fix<3> {
     }
 }
 
-/// One over a standard deviation, whose square must be a number as well.
+/// One over a standard deviation.
 fn weight(sigma: f64) -> Result<f64, Error> {
-    let weight = 1.0 / sigma;
-    let square = weight * weight;
-    if !(sigma > 0.0 && square > 0.0 && square.is_finite()) {
-        return Err(Error::NotPositive {
-            what: "sigma",
-            index: 0,
-            value: sigma,
-        });
-    }
-    Ok(weight)
+    check_sigma("sigma", 0, sigma)?;
+    Ok(1.0 / sigma)
 }
 
 /// Pivot of the normal equations, each unknown in units of its own information, up to which they are singular:
@@ -323,10 +316,12 @@ mod tests {
                 ..
             })
         ));
-        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        for sigma in [0.0, -1.0, f64::NAN] {
             let refused = Fix::of_landmark(&point, seen.iter().copied(), sigma);
             assert!(matches!(refused, Err(Error::NotPositive { .. })), "{sigma}");
         }
+        let refused = Fix::of_landmark(&point, seen.iter().copied(), f64::INFINITY);
+        assert!(matches!(refused, Err(Error::Magnitude { .. })));
         let lost = Point2::new(f64::NAN, 0.0);
         let refused = Fix::of_landmark(&lost, seen, SIGMA);
         assert!(matches!(refused, Err(Error::NotFinite { .. })));

@@ -11,6 +11,7 @@ mod diagnosis;
 mod fixed;
 mod header;
 mod layers;
+mod magnitudes;
 mod posterior;
 mod properties;
 mod reference;

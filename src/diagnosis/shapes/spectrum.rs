@@ -3,6 +3,7 @@
 
 use super::super::options::ShapeOptions;
 use super::normalized_map::{NormalizedMap, median};
+use crate::adjustment::decompose::singular_values;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use alloc::vec::Vec;
@@ -29,9 +30,6 @@ const TOUCHING: f64 = 1e-3;
 /// Singular values below so many roots of the rounding are zero: positions come out of exact bearings with half the
 /// digits where two solutions merge.
 const ROOTS: f64 = 8.0;
-
-/// Most steps of the singular value decomposition per parameter; two are usual.
-const STEPS: usize = 60;
 
 impl Spectrum {
     /// The spectrum of a map; `None` when it is too large, or if the decomposition fails.
@@ -63,7 +61,7 @@ impl Spectrum {
         } else {
             held.resize_vertically(count, 0.0)
         };
-        let found = square.try_svd(false, true, f64::EPSILON, STEPS * count)?;
+        let found = singular_values(square)?;
         let rows = found.v_t?;
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by(|&a, &b| found.singular_values[a].total_cmp(&found.singular_values[b]));
@@ -181,7 +179,7 @@ fn free_gauge(
         }
     }
     let gauge = gauge.qr().q();
-    let Some(held) = (jacobian * &gauge).try_svd(false, true, f64::EPSILON, 1000) else {
+    let Some(held) = singular_values(jacobian * &gauge) else {
         return Vec::new();
     };
     let Some(turns) = held.v_t else {
