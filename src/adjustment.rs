@@ -7,6 +7,7 @@ mod boundary;
 pub(crate) mod bundle;
 mod bundle_adjustment;
 pub(crate) mod cholesky;
+pub(crate) mod decompose;
 pub(crate) mod elimination;
 pub(crate) mod gauge;
 mod newton;

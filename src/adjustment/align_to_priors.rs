@@ -177,7 +177,7 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
         }
         // A direction that odometry and priors leave free gets no step.
         let normal = DMatrix::from_column_slice(4, 4, normal.as_slice());
-        let Some(inverse) = pseudo_inverse(normal, f64::EPSILON) else {
+        let Some(inverse) = pseudo_inverse(&normal, f64::EPSILON) else {
             break;
         };
         let step: Vector4<f64> = -(inverse.fixed_view::<4, 4>(0, 0) * gradient);

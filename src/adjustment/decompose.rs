@@ -1,19 +1,23 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Decompositions by iteration, bounded: what is not finite or does not converge gives `None`, never a panic and
 //! never a call without an end.
+//!
+//! Singular values are those of faer: nalgebra 0.35 errs by whole numbers on some singular matrices of whole numbers,
+//! and has no end or panics on what is not finite.
 
+use alloc::vec;
+use alloc::vec::Vec;
+use faer::diag::DiagMut;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::svd::{ComputeSvdVectors, svd, svd_scratch};
+use faer::{MatMut, MatRef, Par, Spec};
 use nalgebra::{
-    DMatrix, DefaultAllocator, Dim, DimDiff, DimSub, Dyn, OMatrix, SVD, SymmetricEigen, U1,
+    DMatrix, DefaultAllocator, Dim, DimDiff, DimSub, OMatrix, SymmetricEigen, U1,
     allocator::Allocator,
 };
 
-/// Most steps of an iteration per row; two are usual.
+/// Most steps of the iteration for eigenvalues per row; two are usual.
 const STEPS: usize = 60;
-
-/// Share of its neighbours below which an entry beside the diagonal is taken as zero. With a single unit of rounding
-/// the singular value decomposition of nalgebra 0.35 goes on where it has converged, and loses ten digits: the test
-/// below has such a matrix.
-const CONVERGED: f64 = 5.0 * f64::EPSILON;
 
 /// Eigenvalues and eigenvectors of a symmetric matrix, in no order.
 pub fn symmetric_eigen<D>(matrix: OMatrix<f64, D, D>) -> Option<SymmetricEigen<f64, D>>
@@ -25,38 +29,72 @@ where
         return None;
     }
     let steps = STEPS * matrix.nrows();
-    let found = SymmetricEigen::try_new(matrix, CONVERGED, steps)?;
+    let found = SymmetricEigen::try_new(matrix, f64::EPSILON, steps)?;
     (is_finite(&found.eigenvalues) && is_finite(&found.eigenvectors)).then_some(found)
 }
 
-/// Singular values, largest first, with the singular vectors of the rows.
-pub fn singular_values(matrix: DMatrix<f64>) -> Option<SVD<f64, Dyn, Dyn>> {
-    decompose(matrix, false)
+/// Singular values, largest first, each with a column of singular vectors on either side.
+pub struct SingularValues {
+    pub values: Vec<f64>,
+    pub left: DMatrix<f64>,
+    pub right: DMatrix<f64>,
 }
 
-/// The inverse of a square matrix on the space of all singular values above `share` of the largest; zero along the
-/// others.
-pub fn pseudo_inverse(matrix: DMatrix<f64>, share: f64) -> Option<DMatrix<f64>> {
+/// The singular values of a matrix.
+pub fn singular_values(matrix: &DMatrix<f64>) -> Option<SingularValues> {
+    let (rows, columns) = matrix.shape();
+    let size = rows.min(columns);
+    if size == 0 || !is_finite(matrix) {
+        return None;
+    }
+    let mut values = vec![0.0; size];
+    let mut left = DMatrix::zeros(rows, size);
+    let mut right = DMatrix::zeros(columns, size);
+    let thin = ComputeSvdVectors::Thin;
+    let need = svd_scratch::<f64>(rows, columns, thin, thin, Par::Seq, Spec::default());
+    let mut work = MemBuffer::try_new(need).ok()?;
+    svd(
+        MatRef::from_column_major_slice(matrix.as_slice(), rows, columns),
+        DiagMut::from_slice_mut(&mut values),
+        Some(MatMut::from_column_major_slice_mut(
+            left.as_mut_slice(),
+            rows,
+            size,
+        )),
+        Some(MatMut::from_column_major_slice_mut(
+            right.as_mut_slice(),
+            columns,
+            size,
+        )),
+        Par::Seq,
+        MemStack::new(&mut work),
+        Spec::default(),
+    )
+    .ok()?;
+    let finite = values.iter().all(|value| value.is_finite());
+    (finite && is_finite(&left) && is_finite(&right)).then_some(SingularValues {
+        values,
+        left,
+        right,
+    })
+}
+
+/// The inverse on the space of all singular values above `share` of the largest; zero along the others.
+pub fn pseudo_inverse(matrix: &DMatrix<f64>, share: f64) -> Option<DMatrix<f64>> {
+    let (rows, columns) = matrix.shape();
+    let mut inverse = DMatrix::zeros(columns, rows);
     if matrix.is_empty() {
-        return Some(matrix);
+        return Some(inverse);
     }
-    let found = decompose(matrix, true)?;
-    let bound = found.singular_values.amax() * share;
-    found.pseudo_inverse(bound).ok()
-}
-
-fn decompose(matrix: DMatrix<f64>, left: bool) -> Option<SVD<f64, Dyn, Dyn>> {
-    if matrix.is_empty() || !is_finite(&matrix) {
-        return None;
+    let found = singular_values(matrix)?;
+    let bound = found.values[0] * share;
+    for (k, value) in found.values.iter().enumerate() {
+        if *value > bound {
+            let (row, column) = (found.left.column(k), found.right.column(k));
+            inverse.ger(1.0 / value, &column, &row, 1.0);
+        }
     }
-    let steps = STEPS * matrix.nrows().min(matrix.ncols());
-    let mut found = SVD::try_new_unordered(matrix, left, true, CONVERGED, steps)?;
-    // nalgebra sorts with a panic on NaN.
-    if !is_finite(&found.singular_values) {
-        return None;
-    }
-    found.sort_by_singular_values();
-    Some(found)
+    is_finite(&inverse).then_some(inverse)
 }
 
 fn is_finite<R: Dim, C: Dim>(matrix: &OMatrix<f64, R, C>) -> bool
@@ -77,18 +115,34 @@ mod tests {
         let symmetric = &matrix + matrix.transpose();
         let found = symmetric_eigen(symmetric.clone()).unwrap();
         assert!((found.recompose() - &symmetric).norm() < 1e-13);
-        let values = singular_values(matrix.clone()).unwrap().singular_values;
-        assert!(values.as_slice().is_sorted_by(|a, b| a >= b), "{values}");
-        let off = values.norm() - matrix.norm();
-        // The values come in pairs.
-        assert!(off.abs() < 1e-13, "{off:e} {values}");
-        let both = matrix.clone().resize(5, 6, 0.0);
-        let inverse = pseudo_inverse(both.clone(), 1e-12).unwrap();
-        assert!((&both * inverse * &both - &both).norm() < 1e-12);
-        assert_eq!(
-            pseudo_inverse(DMatrix::zeros(0, 0), 1e-12).unwrap().len(),
-            0
-        );
+        let found = singular_values(&matrix).unwrap();
+        assert!(found.values.is_sorted_by(|a, b| a >= b));
+        let diagonal = DMatrix::from_diagonal(&found.values.into());
+        let again = found.left * diagonal * found.right.transpose();
+        assert!((again - &matrix).norm() < 1e-13);
+    }
+
+    /// Matrices of whole numbers of any rank, on which nalgebra errs.
+    #[test]
+    fn pseudo_inverses_invert_on_both_sides() {
+        for trial in 0..500 {
+            let (rows, columns) = (1 + trial % 7, 1 + trial / 7 % 7);
+            let entry = |i: usize, j: usize| {
+                ((i * i + 3 * i * j + (trial + 1) * j) % (2 + trial % 4)) as f64
+            };
+            let matrix = DMatrix::from_fn(rows, columns, |i, j| entry(i, j) - 1.0);
+            let inverse = pseudo_inverse(&matrix, 1e-12).unwrap();
+            let size = matrix.norm();
+            let there = (&matrix * &inverse * &matrix - &matrix).norm();
+            assert!(there <= 1e-13 * size, "{trial}: {there:e}");
+            let back = (&inverse * &matrix * &inverse - &inverse).norm();
+            assert!(back <= 1e-12 * inverse.norm(), "{trial}: {back:e}");
+            for product in [&matrix * &inverse, &inverse * &matrix] {
+                assert!((&product - product.transpose()).norm() < 1e-12, "{trial}");
+            }
+        }
+        let nothing = pseudo_inverse(&DMatrix::zeros(0, 0), 1e-12).unwrap();
+        assert!(nothing.is_empty());
     }
 
     /// nalgebra's own forms panic on these or have no end.
@@ -101,8 +155,8 @@ mod tests {
                 assert!(symmetric_eigen(matrix).is_none(), "{bad} {place}");
                 let matrix = DMatrix::from_column_slice(3, 3, matrix.as_slice());
                 assert!(symmetric_eigen(matrix.clone()).is_none(), "{bad} {place}");
-                assert!(singular_values(matrix.clone()).is_none(), "{bad} {place}");
-                assert!(pseudo_inverse(matrix, 1e-12).is_none(), "{bad} {place}");
+                assert!(singular_values(&matrix).is_none(), "{bad} {place}");
+                assert!(pseudo_inverse(&matrix, 1e-12).is_none(), "{bad} {place}");
             }
         }
     }
@@ -115,8 +169,8 @@ mod tests {
                 mixed * (1.0 + (i * j) as f64)
             });
             let _ = symmetric_eigen(matrix.clone());
-            let _ = singular_values(matrix.clone());
-            if let Some(inverse) = pseudo_inverse(matrix, 1e-12) {
+            let _ = singular_values(&matrix);
+            if let Some(inverse) = pseudo_inverse(&matrix, 1e-12) {
                 assert_eq!(inverse.shape(), (4, 4));
             }
         }

@@ -45,7 +45,7 @@ pub struct Report {
 ///
 /// # Errors
 /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no
-/// three sightings are left, [`Error::NotFinite`] when the start is not finite,
+/// three sightings are left, [`Error::NotFinite`] when the start is not finite, [`Error::Magnitude`] when it is out of range,
 /// [`Error::Degenerate`] when it is a single place, [`Error::OutOfMemory`] when it does not hold the
 /// normal equations, [`Error::Interrupted`] when `observer` says so.
 ///

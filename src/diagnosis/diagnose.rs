@@ -30,8 +30,8 @@ use alloc::vec::Vec;
 /// Never fails on degenerate, empty or disconnected problems: that is what it is for.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::Interrupted`] when
-/// `progress` says so.
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::NotFinite`] and
+/// [`Error::Magnitude`] for a bad number in it, [`Error::Interrupted`] when `progress` says so.
 ///
 /// # Example
 /// ```

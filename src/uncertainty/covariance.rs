@@ -46,7 +46,8 @@ const STANDS_STILL: f64 = 1e-6;
 /// the rest its own.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::Degenerate`] when there is
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::NotFinite`] and
+/// [`Error::Magnitude`] for a bad number in it; [`Error::Degenerate`] when there is
 /// nothing in it, or for [`Frame::Priors`] when they leave something free; [`Error::OutOfMemory`] when it does
 /// not hold the equations; [`Error::Interrupted`] when `observer`, called with the blocks
 /// done and their number, says so.
@@ -189,7 +190,7 @@ impl Transformation {
             normal.solve(spread.as_mut_slice());
         }
         Some(Self {
-            lift: &e * inverse(c.transpose() * &e)?,
+            lift: &e * inverse(&(c.transpose() * &e))?,
             core: c.transpose() * &spread,
             spread,
             reach: free.iter().map(|direction| largest(direction)).collect(),

@@ -37,7 +37,7 @@ impl Frame {
 pub const LIFT: f64 = 1e-13;
 
 /// The inverse of a small matrix, or its pseudo-inverse if it is singular; `None` beyond the arithmetic.
-pub fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     pseudo_inverse(matrix, SINGULAR)
 }
 
@@ -64,7 +64,7 @@ pub fn in_frame(
 ) -> Option<Vec<Vec<f64>>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let count = gauge.len();
-    let solver = inverse(DMatrix::from_fn(count, count, |i, j| {
+    let solver = inverse(&DMatrix::from_fn(count, count, |i, j| {
         dot(&constraints[i], &gauge[j])
     }))?;
     let framed = |direction: &Vec<f64>| {

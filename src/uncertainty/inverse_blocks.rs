@@ -164,7 +164,7 @@ fn blocks_of_kept(inverse: &DMatrix<f64>, width: usize) -> Vec<DMatrix<f64>> {
         .collect()
 }
 
-/// The block of a subject that has been eliminated: `A^-1 + A^-1 B S B^T A^-1`, (T28a), with its own normal matrix A,
+/// The block of a subject that has been eliminated: `A^-1 + A^-1 B S B^T A^-1`, (T27a), with its own normal matrix A,
 /// its couplings B with subjects that stay (each with their first parameter), and the inverse S of those.
 ///
 /// Both terms are positive, so nothing cancels. `None` when A is all but singular.
