@@ -180,6 +180,29 @@ fn posterior(criterion: &mut Criterion) {
     });
 }
 
+/// Covariances where the views are few and the landmarks many.
+fn many_landmarks(criterion: &mut Criterion) {
+    let noise = NOISE.to_radians();
+    let mut group = criterion.benchmark_group("covariance");
+    group.sample_size(10);
+    for (views, landmarks) in [(20, 1000), (20, 4000), (100, 10_000)] {
+        let scene = scene(views, landmarks, 3);
+        let problem = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
+        let map = scene.map();
+        group.bench_function(format!("{views}x{landmarks}"), |bencher| {
+            bencher.iter(|| {
+                covariance(
+                    black_box(&problem),
+                    &map,
+                    Loss::Squared,
+                    Frame::FreeNetwork,
+                    None,
+                )
+            });
+        });
+    }
+}
+
 fn losses(criterion: &mut Criterion) {
     let scene = scene(12, 15, 3);
     let problem = Problem::dense(12, 15, &scene.bearings, NOISE.to_radians()).expect("a problem");
@@ -332,6 +355,7 @@ fn all(criterion: &mut Criterion) {
     refinement(criterion);
     losses(criterion);
     posterior(criterion);
+    many_landmarks(criterion);
     whole(criterion);
     limited_sight(criterion);
     diagnoses(criterion);

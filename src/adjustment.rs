@@ -6,6 +6,7 @@ mod block;
 mod boundary;
 pub(crate) mod bundle;
 pub(crate) mod cholesky;
+pub(crate) mod decompose;
 pub(crate) mod elimination;
 pub(crate) mod gauge;
 mod newton;

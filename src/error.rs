@@ -48,6 +48,19 @@ pub enum Error {
         /// The value that came.
         value: f64,
     },
+    /// A number so large or so small that its powers leave the arithmetic.
+    Magnitude {
+        /// The argument.
+        what: &'static str,
+        /// Where in it.
+        index: usize,
+        /// The value that came.
+        value: f64,
+        /// The least magnitude of a number that is not zero.
+        least: f64,
+        /// The largest magnitude.
+        most: f64,
+    },
     /// A covariance that is not symmetric.
     NotSymmetric {
         /// The argument.
@@ -166,6 +179,17 @@ impl fmt::Display for Error {
                     "{what}: expected positive numbers, got {value} at index {index}"
                 )
             }
+            Self::Magnitude {
+                what,
+                index,
+                value,
+                least,
+                most,
+            } => write!(
+                f,
+                "{what}: expected magnitudes from {least:e} to {most:e}, got {value:e} at index {index}; \
+                 choose other units"
+            ),
             Self::NotSymmetric { what, index } => {
                 write!(
                     f,

@@ -25,6 +25,8 @@ pub(crate) use resect::MIN_LANDMARKS_OF_VIEW;
 pub use resect::{Resection, resect};
 pub use tensor::TrifocalTensor;
 pub use three_view::{Method, ThreeView, three_view, three_view_with_landmarks, trifocal_tensor};
+#[cfg(feature = "python")]
+pub(crate) use three_view::{three_view_while, trifocal_tensor_while};
 pub(crate) use triangulate::MIN_VIEWS_OF_LANDMARK;
 pub use triangulate::{Triangulation, triangulate};
 

@@ -102,8 +102,8 @@ pub use kernels::{
 pub use lm::{Loss, Observer, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{
-    IndexedSighting, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem, Sighting, Subject,
-    Undetermined, Why,
+    DATA_MAGNITUDES, IndexedSighting, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem,
+    SIGMA_MAGNITUDES, Sighting, Subject, Undetermined, Why,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

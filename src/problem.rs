@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Input and output: sightings, odometry and priors; poses and landmarks.
 
+mod magnitudes;
 mod map;
 mod noise;
 mod priors;
@@ -12,6 +13,8 @@ mod sighting;
 mod subject;
 
 pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
+pub(crate) use magnitudes::check_sigma;
+pub use magnitudes::{DATA_MAGNITUDES, SIGMA_MAGNITUDES};
 pub use map::Map;
 pub use noise::Noise;
 pub(crate) use priors::Prior;

@@ -25,6 +25,7 @@ pub use odometry::options::{
     OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
     StrideOptions,
 };
+pub(crate) use options::report_progress;
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use robust::options::RobustOptions;

@@ -4,6 +4,7 @@
 mod covariance;
 mod fix;
 mod frame;
+mod inverse_blocks;
 mod leverage;
 mod sensitivity;
 mod variances;

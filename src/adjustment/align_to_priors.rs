@@ -5,6 +5,7 @@
 //! and priors as well as possible; priors that only define the datum are then satisfied exactly before the refinement.
 
 use super::bundle::Bundle;
+use super::decompose::pseudo_inverse;
 use super::elimination::kept_positions;
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
@@ -13,7 +14,7 @@ use crate::geometry::points::centroid;
 use crate::problem::{Map, Prior, Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{
-    Complex, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
+    Complex, DMatrix, Matrix4, Point2, Similarity2, Translation2, UnitComplex, Vector2, Vector4,
 };
 
 /// Maximum number of Gauss-Newton steps for the four parameters of a similarity. It converges in a few; this bounds the
@@ -176,11 +177,11 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
             }
         }
         // A direction that odometry and priors leave free gets no step.
-        let bound = normal.amax() * f64::EPSILON;
-        let Ok(inverse) = normal.pseudo_inverse(bound) else {
+        let normal = DMatrix::from_column_slice(4, 4, normal.as_slice());
+        let Some(inverse) = pseudo_inverse(&normal, f64::EPSILON) else {
             break;
         };
-        let step = -(inverse * gradient);
+        let step: Vector4<f64> = -(inverse.fixed_view::<4, 4>(0, 0) * gradient);
         let mut part = 1.0;
         let mut lower = None;
         for _ in 0..QUARTERINGS {

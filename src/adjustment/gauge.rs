@@ -2,6 +2,7 @@
 //! The gauge: the part of translation, rotation and scale of the whole map that odometry and priors leave free.
 
 use super::bundle::Bundle;
+use super::decompose::symmetric_eigen;
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -100,7 +101,10 @@ fn unconstrained(
             }
         }
     }
-    let eigen = constrained.symmetric_eigen();
+    let Some(eigen) = symmetric_eigen(constrained) else {
+        // Without a gauge, equations that are singular are found to be so.
+        return Vec::new();
+    };
     let largest = eigen.eigenvalues.amax();
     (0..4)
         .filter(|&k| !(eigen.eigenvalues[k] > largest * ROUNDING))

@@ -14,7 +14,7 @@ use crate::lm::BearingRow;
 use crate::problem::{Prior, Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 
 /// A block column: all parameters of one subject.
 #[derive(Clone, Copy)]
@@ -250,7 +250,31 @@ impl<'a> Normal<'a> {
         self.cholesky.factorize(&self.held)
     }
 
-    /// Solves in place with the last factor, for right-hand sides stored one after the other.
+    /// The block of a view on the diagonal of the matrix as it is factorised.
+    pub fn pose_block(&self, view: usize) -> Matrix3<f64> {
+        let column = self.columns[view];
+        Matrix3::from_fn(|i, j| self.entry(column, i.min(j), i.max(j)))
+    }
+
+    /// The block of a landmark on the diagonal of the matrix as it is factorised.
+    pub fn landmark_block(&self, landmark: usize) -> Matrix2<f64> {
+        let column = self.columns[self.problem.views() + landmark];
+        Matrix2::from_fn(|i, j| self.entry(column, i.min(j), i.max(j)))
+    }
+
+    /// The block between view and landmark of a sighting.
+    pub fn coupling(&self, sighting: usize) -> Matrix3x2<f64> {
+        let column = self.columns[self.problem.sightings()[sighting].view];
+        let below = self.sighting_row[sighting];
+        Matrix3x2::from_fn(|i, j| self.entry(column, i, below + j))
+    }
+
+    /// An entry of the lower triangle as it is factorised, by its place in a column of blocks.
+    fn entry(&self, column: Column, across: usize, down: usize) -> f64 {
+        self.held[column.start + across * column.height + down]
+    }
+
+    /// Solves with the last factor, in place, for sides that lie one after the other.
     pub fn solve(&self, sides: &mut [f64]) {
         self.cholesky.solve(sides);
     }

@@ -59,7 +59,7 @@ pub fn refine_map(
     options: &RefineOptions,
     observer: Option<Observer<'_>>,
 ) -> Result<Report, Error> {
-    map.check_size(problem)?;
+    map.check(problem)?;
     let undetermined = map.prune(problem);
     let mut bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {

@@ -12,7 +12,7 @@ use super::sentences::Case;
 use crate::adjustment::gauge::gauge_and_prior_numbers;
 use crate::error::Error;
 use crate::problem::{Map, Problem, Subject};
-use crate::reconstruction::{Progress, SolveOptions, solve};
+use crate::reconstruction::{Progress, SolveOptions, report_progress, solve};
 use alloc::string::ToString;
 use alloc::vec::Vec;
 
@@ -30,8 +30,8 @@ use alloc::vec::Vec;
 /// Never fails on degenerate, empty or disconnected problems: these are what it is for.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::Interrupted`] when
-/// `progress` says so.
+/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::NotFinite`] and
+/// [`Error::Magnitude`] for a bad number in it, [`Error::Interrupted`] when `progress` says so.
 ///
 /// # Example
 /// ```
@@ -79,7 +79,7 @@ pub fn diagnose_with(
     progress: Option<Progress<'_>>,
 ) -> Result<Diagnosis, Error> {
     if let Some(map) = map {
-        map.check_size(problem)?;
+        map.check(problem)?;
     }
     let mut diagnosis = Diagnosis {
         views: problem.views(),
@@ -145,8 +145,7 @@ fn look_at(
     diagnosis.findings.extend(too_little);
     if let Some(map) = map {
         let chosen = subproblem.choose_given(subproblem.map(map), hopeless);
-        subproblem.judge(&chosen, hopeless, diagnosis);
-        return Ok(());
+        return subproblem.judge(&chosen, hopeless, diagnosis, progress);
     }
     if hopeless {
         diagnosis.extra += counting::missing(&subproblem.part);
@@ -157,7 +156,7 @@ fn look_at(
     let out_of_reach = counting::out_of_reach(&subproblem.part, reached.as_ref());
     diagnosis.findings.extend(out_of_reach);
     match subproblem.choose(progress)? {
-        Some(chosen) => subproblem.judge(&chosen, false, diagnosis),
+        Some(chosen) => subproblem.judge(&chosen, false, diagnosis, progress)?,
         None => diagnosis
             .findings
             .push(subproblem.not_examined("no map could be made from the bearings")),
@@ -171,17 +170,14 @@ fn with_priors(
     map: Option<&Map>,
     options: &DiagnosisOptions,
     diagnosis: &mut Diagnosis,
-    progress: Option<Progress<'_>>,
+    mut progress: Option<Progress<'_>>,
 ) -> Result<(), Error> {
     let whole = SubProblem::whole(problem, options);
-    let found;
-    let map = match map {
-        Some(map) => map,
-        None => match solve(problem, &SolveOptions::default(), progress) {
-            Ok(solved) => {
-                found = solved.map;
-                &found
-            }
+    let report = &mut |stage, done, all| report_progress(&mut progress, stage, done, all);
+    let mut map = match map {
+        Some(map) => map.clone(),
+        None => match solve(problem, &SolveOptions::default(), Some(report)) {
+            Ok(solved) => solved.map,
             Err(error @ Error::Interrupted) => return Err(error),
             Err(error) => {
                 let (kind, severity) = (Kind::Unreached, Severity::Error);
@@ -192,21 +188,21 @@ fn with_priors(
             }
         },
     };
-    // Odometry and priors may place what has no sightings.
+    // A given map may place what nothing holds; odometry and priors hold what nothing sees.
+    map.prune(problem);
     let placed = |subject: Subject| match subject {
         Subject::View(view) => map.poses[view].is_some(),
         Subject::Landmark(landmark) => map.landmarks[landmark].is_some(),
     };
     let unseen = counting::unseen(problem, &placed);
     diagnosis.findings.extend(unseen);
-    whole.report_absent(map, &[], Case::WithPriors, diagnosis);
+    whole.report_absent(&map, &[], Case::WithPriors, diagnosis);
     let (views, landmarks) = apart(map.determined());
     diagnosis.components = Vec::from([Part {
         views,
         landmarks,
         sightings: map.residuals(problem).flatten().count(),
-        priors: gauge_and_prior_numbers(problem, map),
+        priors: gauge_and_prior_numbers(problem, &map),
     }]);
-    whole.report_sparse(map, None, false, diagnosis);
-    Ok(())
+    whole.report_sparse(&map, None, false, diagnosis, &mut progress)
 }

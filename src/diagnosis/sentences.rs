@@ -125,7 +125,7 @@ const SPECIAL: [(Kind, Case, &str, &str); 6] = [
         "{all} {have} no sightings at all",
         "A view needs three landmarks that are placed, a landmark two views."),
     (Kind::Unreached, Case::WithPriors,
-        "{all} {are} not in the map",
+        "{all} {are} not in the map, or too little holds {them} there",
         "A view needs three landmarks of the map or odometry from one of its views, a landmark two views of the map \
          that are not in line with it."),
     (Kind::Unreached, Case::NoStart,

@@ -13,7 +13,9 @@ use super::report::{Diagnosis, NullDirection};
 use super::sentences::{Case, finding, finding_in};
 use super::shapes::examine::{Examination, examine};
 use super::shapes::normalized_map::NormalizedMap;
+use crate::error::Error;
 use crate::problem::{Map, Subject, Undetermined, Why};
+use crate::reconstruction::{Progress, report_progress};
 use crate::uncertainty::weakest_directions;
 use alloc::format;
 use alloc::string::{String, ToString};
@@ -21,7 +23,16 @@ use alloc::vec::Vec;
 
 impl SubProblem {
     /// Adds the findings from the evidence to a diagnosis. `hopeless` when counting has already found too little.
-    pub fn judge(&self, chosen: &Chosen, hopeless: bool, diagnosis: &mut Diagnosis) {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when `progress` says so.
+    pub fn judge(
+        &self,
+        chosen: &Chosen,
+        hopeless: bool,
+        diagnosis: &mut Diagnosis,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<(), Error> {
         let noise = chosen.noise;
         diagnosis.noise = f64::max(diagnosis.noise, noise);
         let (map, lost, margin) = match &chosen.evidence {
@@ -32,7 +43,7 @@ impl SubProblem {
                     }
                     None => diagnosis.findings.push(self.not_examined(TOO_LARGE)),
                 }
-                return;
+                return Ok(());
             }
             Evidence::Map { map, lost, margin } => (map, lost, *margin),
         };
@@ -49,10 +60,11 @@ impl SubProblem {
                     }
                     self.report_dense(&normalized, &found, noise, hopeless, diagnosis);
                 }
-                None => self.report_sparse(map, Some(noise), hopeless, diagnosis),
+                None => self.report_sparse(map, Some(noise), hopeless, diagnosis, progress)?,
             },
         }
         diagnosis.mirror_margin = f64::min(diagnosis.mirror_margin, margin);
+        Ok(())
     }
 
     /// Adds what is undetermined in the map although it has sightings.
@@ -186,17 +198,27 @@ impl SubProblem {
         noise: Option<f64>,
         hopeless: bool,
         diagnosis: &mut Diagnosis,
-    ) {
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<(), Error> {
         let sigmas = noise.map_or(1.0, |noise| noise * self.mean_weight());
-        let Some(found) =
-            weakest_directions(&self.problem, map, self.options.verdict.directions, sigmas)
-        else {
-            let why = "the normal equations cannot be factorised".to_string();
-            let subjects = self.outer_all(map.determined());
-            let (kind, severity) = (Kind::NotExamined, Severity::Note);
-            let told = finding_in(Case::Usual, kind, severity, subjects, 0, &[("why", why)]);
-            diagnosis.findings.push(told);
-            return;
+        let count = self.options.verdict.directions;
+        let mut step = 0;
+        let watch = &mut || {
+            step += 1;
+            let goes_on = report_progress(progress, "directions", step, count);
+            goes_on.then_some(()).ok_or(Error::Interrupted)
+        };
+        let found = match weakest_directions(&self.problem, map, count, sigmas, watch) {
+            Ok(found) => found,
+            Err(Error::Interrupted) => return Err(Error::Interrupted),
+            Err(_) => {
+                let why = "the normal equations cannot be factorised".to_string();
+                let subjects = self.outer_all(map.determined());
+                let (kind, severity) = (Kind::NotExamined, Severity::Note);
+                let told = finding_in(Case::Usual, kind, severity, subjects, 0, &[("why", why)]);
+                diagnosis.findings.push(told);
+                return Ok(());
+            }
         };
         if diagnosis.singular_values.is_empty() {
             diagnosis.singular_values = found.iter().map(|d| d.singular_value).collect();
@@ -208,6 +230,7 @@ impl SubProblem {
             .filter(|d| d.free || self.options.shapes.is_weak(d.deviation, d.largest));
         let unnamed = Kind::UnnamedDirection;
         self.report_directions(open.collect(), unnamed, noise, hopeless, diagnosis);
+        Ok(())
     }
 
     /// How many free directions counting has already found.

@@ -50,6 +50,23 @@ impl<T: Real> CalibratedTensor<T> {
     /// lie on one cubic curve through the views (a straight wall, a circle through them), or views
     /// coincide.
     pub fn estimate(triples: &[Triple<T>], reweights: usize) -> Result<Self, Error> {
+        Self::estimate_while(triples, reweights, || true)
+    }
+
+    /// As [`CalibratedTensor::estimate`], with a look before each reweight at whether the caller goes on.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when not, in addition to those.
+    pub(crate) fn estimate_while(
+        triples: &[Triple<T>],
+        reweights: usize,
+        mut goes_on: impl FnMut() -> bool,
+    ) -> Result<Self, Error> {
+        let mut stopped = false;
+        let mut goes_on = || {
+            stopped = stopped || !goes_on();
+            !stopped
+        };
         if triples.len() < MIN_LANDMARKS {
             return Err(Error::TooFew {
                 what: "landmarks seen by three views",
@@ -66,15 +83,18 @@ impl<T: Real> CalibratedTensor<T> {
         } else {
             // The Gram matrices are for reweighting only.
             let by_gram = if reweights > 0 {
-                Self::by_gram(triples, reweights)
+                Self::by_gram(triples, reweights, &mut goes_on)
             } else {
                 None
             };
             match by_gram {
                 Some(tensor) => tensor,
-                None => Self::by_qr(triples, reweights, bound),
+                None => Self::by_qr(triples, reweights, bound, &mut goes_on),
             }
         };
+        if stopped {
+            return Err(Error::Interrupted);
+        }
         // A bearing that is not finite makes every coefficient so: only then look for it.
         let [a, b, c] = tensor.coefficients;
         let finite = (a + b + c).norm_sqr().is_finite();
@@ -114,14 +134,19 @@ impl<T: Real> CalibratedTensor<T> {
 
     /// The reweighted tensor by triangular factors, for rows of any condition.
     #[inline(never)]
-    fn by_qr(triples: &[Triple<T>], reweights: usize, bound: T) -> Self {
+    fn by_qr(
+        triples: &[Triple<T>],
+        reweights: usize,
+        bound: T,
+        goes_on: &mut impl FnMut() -> bool,
+    ) -> Self {
         let least = |mut factor: TriangularFactor<T, 6>| {
             let null = factor.null_space();
             Self::from_vector(&null.vectors[0], null.singular_values)
         };
         let mut tensor = least(factor(triples, |_| T::one()));
         for _ in 0..reweights {
-            if !(tensor.singular_values[1] > bound) {
+            if !(tensor.singular_values[1] > bound && goes_on()) {
                 break;
             }
             tensor = least(factor(triples, |row| tensor.weight(row)));
@@ -132,10 +157,17 @@ impl<T: Real> CalibratedTensor<T> {
     /// The same by Gram matrices, with at least one round of reweighting. `None` when the rows are not
     /// well-conditioned.
     #[inline(never)]
-    fn by_gram(triples: &[Triple<T>], reweights: usize) -> Option<Self> {
+    fn by_gram(
+        triples: &[Triple<T>],
+        reweights: usize,
+        goes_on: &mut impl FnMut() -> bool,
+    ) -> Option<Self> {
         let mut vector = gram::approximate(&gram::products(triples, |two| row_in_lanes(two)))?;
         let mut singular_values = [T::zero(); 2];
         for _ in 0..reweights {
+            if !goes_on() {
+                return None;
+            }
             let [a, b, c, d, e, f] = vector;
             // The weighted row, and its residual.
             let products = gram::products(triples, |two| {
@@ -357,7 +389,7 @@ mod tests {
             let noise = [0.0, 1e-6, 2e-3, 2e-2][seed % 4];
             let (count, reweights) = ([6, 7, 15, 16, 40][seed % 5], 1 + seed / 20 % 2);
             let triples = scene(seed, count, noise, 1.0);
-            let Some(by_gram) = CalibratedTensor::by_gram(&triples, reweights) else {
+            let Some(by_gram) = CalibratedTensor::by_gram(&triples, reweights, &mut || true) else {
                 continue;
             };
             answered += 1;
@@ -385,13 +417,16 @@ mod tests {
             for flat in [0.0, 1e-7, 1e-4] {
                 let triples = scene(seed, 15, 0.0, flat);
                 assert!(
-                    CalibratedTensor::by_gram(&triples, 1).is_none(),
+                    CalibratedTensor::by_gram(&triples, 1, &mut || true).is_none(),
                     "{seed} {flat}"
                 );
             }
             let mut triples = scene(seed, 15, 1e-3, 1.0);
             triples[seed % 15][seed % 3] = UnitComplex::new_unchecked(Complex::new(f64::NAN, 0.0));
-            assert!(CalibratedTensor::by_gram(&triples, 1).is_none(), "{seed}");
+            assert!(
+                CalibratedTensor::by_gram(&triples, 1, &mut || true).is_none(),
+                "{seed}"
+            );
         }
     }
 }

@@ -80,7 +80,19 @@ const COLLINEAR_HEIGHT: f64 = 0.02;
 /// # Ok::<(), bearslam::Error>(())
 /// ```
 pub fn three_view<T: Real>(triples: &[Triple<T>], method: Method) -> Result<ThreeView<T>, Error> {
-    Ok(estimate(triples, method, |_, _| ())?.0)
+    three_view_while(triples, method, || true)
+}
+
+/// As [`three_view`], with a look before each reweight at whether the caller goes on.
+///
+/// # Errors
+/// [`Error::Interrupted`](crate::Error::Interrupted) when not, in addition to those.
+pub(crate) fn three_view_while<T: Real>(
+    triples: &[Triple<T>],
+    method: Method,
+    goes_on: impl FnMut() -> bool,
+) -> Result<ThreeView<T>, Error> {
+    Ok(estimate(triples, method, |_, _| (), goes_on)?.0)
 }
 
 /// As [`three_view`], and the landmarks under both motions, in the order of [`ThreeView::motions`].
@@ -120,11 +132,12 @@ pub fn three_view_with_landmarks<T: Real>(
             got: landmarks.len(),
         });
     }
-    let (found, order, scales) = estimate(triples, method, |index, both| {
+    let place = |index: usize, both: [Option<Complex<T>>; 2]| {
         if let Some(place) = landmarks.get_mut(index) {
             *place = both.map(|point| point.map(|point| Point2::new(point.re, point.im)));
         }
-    })?;
+    };
+    let (found, order, scales) = estimate(triples, method, place, || true)?;
     for both in landmarks {
         for (point, scale) in both.iter_mut().zip(scales) {
             if let Some(point) = point {
@@ -145,10 +158,11 @@ fn estimate<T: Real>(
     triples: &[Triple<T>],
     method: Method,
     place: impl FnMut(usize, [Option<Complex<T>>; 2]),
+    goes_on: impl FnMut() -> bool,
 ) -> Result<(ThreeView<T>, bool, [T; 2]), Error> {
     let (lines, flattened) = match method {
         Method::Calibrated { reweights } => {
-            let tensor = CalibratedTensor::estimate(triples, reweights)?;
+            let tensor = CalibratedTensor::estimate_while(triples, reweights, goes_on)?;
             (tensor.line_motions()?, tensor.kappa().abs() > T::one())
         }
         Method::Projective => {
@@ -184,9 +198,21 @@ pub fn trifocal_tensor<T: Real>(
     triples: &[Triple<T>],
     method: Method,
 ) -> Result<TrifocalTensor<T>, Error> {
+    trifocal_tensor_while(triples, method, || true)
+}
+
+/// As [`trifocal_tensor`], with a look before each reweight at whether the caller goes on.
+///
+/// # Errors
+/// [`Error::Interrupted`](crate::Error::Interrupted) when not, in addition to those.
+pub(crate) fn trifocal_tensor_while<T: Real>(
+    triples: &[Triple<T>],
+    method: Method,
+    goes_on: impl FnMut() -> bool,
+) -> Result<TrifocalTensor<T>, Error> {
     match method {
         Method::Calibrated { reweights } => {
-            Ok(CalibratedTensor::estimate(triples, reweights)?.tensor())
+            Ok(CalibratedTensor::estimate_while(triples, reweights, goes_on)?.tensor())
         }
         Method::Projective => projective_tensor(triples),
     }

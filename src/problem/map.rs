@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Poses and landmarks, some of which may be undetermined.
 
+use super::magnitudes::check_estimate;
 use super::priors::Prior;
 use super::problem::Problem;
 use super::sighting::IndexedSighting;
@@ -58,8 +59,9 @@ impl Map {
     }
 
     /// # Errors
-    /// [`Error::LengthMismatch`] when the map is not of the problem's size.
-    pub(crate) fn check_size(&self, problem: &Problem) -> Result<(), Error> {
+    /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::NotFinite`] and
+    /// [`Error::Magnitude`] for a bad number.
+    pub(crate) fn check(&self, problem: &Problem) -> Result<(), Error> {
         for (what, expected, got) in [
             ("poses", problem.views(), self.poses.len()),
             ("landmarks", problem.landmarks(), self.landmarks.len()),
@@ -70,6 +72,16 @@ impl Map {
                     expected,
                     got,
                 });
+            }
+        }
+        let place = |pose: &Option<Pose<f64>>| pose.map(|pose| pose.translation.vector);
+        let poses = self.poses.iter().map(place);
+        let landmarks = self.landmarks.iter().map(|p| p.map(|p| p.coords));
+        let poses = poses.enumerate().map(|(k, p)| ("poses", k, p));
+        let landmarks = landmarks.enumerate().map(|(k, p)| ("landmarks", k, p));
+        for (what, index, position) in poses.chain(landmarks) {
+            for coordinate in position.iter().flatten() {
+                check_estimate(what, index, *coordinate)?;
             }
         }
         Ok(())

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The uncertainty of odometry and priors, and the weight that follows from it.
 
+use super::magnitudes::check_sigma;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -23,31 +24,28 @@ impl<const N: usize> Noise<N> {
     ///
     /// # Errors
     /// [`Error::NotPositive`] for a standard deviation or a pivot of the covariance that is not positive,
-    /// or whose inverse square over- or underflows; [`Error::NotFinite`] for a covariance that is not finite;
+    /// [`Error::Magnitude`] for a standard deviation out of range; [`Error::NotFinite`] for a covariance that is not;
     /// [`Error::NotSymmetric`].
     pub(crate) fn root(&self, what: &'static str, index: usize) -> Result<[[f64; N]; N], Error> {
-        let refuse = |value: f64| Error::NotPositive { what, index, value };
-        // The square must be finite and positive as well, or the cost is useless.
-        let usable = |weight: f64| {
-            let square = weight * weight;
-            square > 0.0 && square.is_finite()
-        };
         let mut root = [[0.0; N]; N];
         match self {
             Self::Sigmas(sigmas) => {
                 for (k, &sigma) in sigmas.iter().enumerate() {
-                    let weight = 1.0 / sigma;
                     let unknown = sigma == 1.0 / 0.0;
-                    if !(sigma > 0.0 && (unknown || usable(weight))) {
-                        return Err(refuse(sigma));
+                    if !unknown {
+                        check_sigma(what, index, sigma)?;
                     }
-                    root[k][k] = weight;
+                    root[k][k] = 1.0 / sigma;
                 }
             }
             Self::Covariance(covariance) => {
                 let entries = covariance.as_flattened();
                 if entries.iter().any(|entry| !entry.is_finite()) {
                     return Err(Error::NotFinite { what, index });
+                }
+                for k in 0..N {
+                    let variance = covariance[k][k];
+                    check_sigma(what, index, variance.abs().sqrt().copysign(variance))?;
                 }
                 let size = entries.iter().fold(0.0_f64, |size, e| size.max(e.abs()));
                 // The Cholesky factor L, and its inverse row by row.
@@ -63,10 +61,14 @@ impl<const N: usize> Noise<N> {
                         }
                         if i > j {
                             factor[i][j] = sum / factor[j][j];
-                        } else if sum > 0.0 && usable(1.0 / sum.sqrt()) {
+                        } else if sum > 0.0 {
                             factor[i][i] = sum.sqrt();
                         } else {
-                            return Err(refuse(sum));
+                            return Err(Error::NotPositive {
+                                what,
+                                index,
+                                value: sum,
+                            });
                         }
                     }
                     for j in 0..=i {
@@ -110,6 +112,7 @@ mod tests {
             Noise::Covariance([[1.0, 2.0], [2.0, 1.0]]),
             Noise::Covariance([[1.0, 0.5], [0.1, 1.0]]),
             Noise::Covariance([[1.0, f64::NAN], [f64::NAN, 1.0]]),
+            Noise::Covariance([[-1.0, 0.0], [0.0, 1.0]]),
         ] {
             assert!(bad.root("landmark", 3).is_err(), "{bad:?}");
         }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The observations: which view sees which landmark at which bearing, odometry and priors.
 
+use super::magnitudes::check_data;
 use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::sighting::{IndexedSighting, Sighting};
 use super::subject::Subject;
@@ -158,11 +159,8 @@ impl Problem {
                 landmark, position, ..
             } = prior;
             check_index("landmark priors: landmark", index, landmark, self.landmarks)?;
-            if !(position.x.is_finite() && position.y.is_finite()) {
-                return Err(Error::NotFinite {
-                    what: "landmark priors: position",
-                    index,
-                });
+            for coordinate in [position.x, position.y] {
+                check_data("landmark priors: position", index, coordinate)?;
             }
             self.priors.push(Prior::Landmark {
                 landmark,
@@ -376,8 +374,11 @@ fn check_index(what: &'static str, index: usize, value: usize, bound: usize) -> 
 }
 
 fn check_pose(what: &'static str, index: usize, pose: &Pose<f64>) -> Result<(), Error> {
-    let place = pose.translation.vector.norm_squared();
-    if (place + pose.rotation.norm_sqr()).is_finite() {
+    let place = &pose.translation.vector;
+    for coordinate in [place.x, place.y] {
+        check_data(what, index, coordinate)?;
+    }
+    if pose.rotation.norm_sqr().is_finite() {
         return Ok(());
     }
     Err(Error::NotFinite { what, index })

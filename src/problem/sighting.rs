@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! One bearing: as given, and as a problem stores it.
 
+use super::magnitudes::{check_data, check_sigma};
 use crate::error::Error;
 use crate::geometry::Bearing;
 
@@ -48,22 +49,8 @@ impl Sighting {
                 });
             }
         }
-        for (what, value) in [("bearing", self.bearing), ("sigma", self.sigma)] {
-            if !value.is_finite() {
-                return Err(Error::NotFinite { what, index });
-            }
-        }
-        let weight = 1.0 / self.sigma;
-        let square = weight * weight;
-        // The square must be finite and positive as well, or the cost is useless.
-        if !(self.sigma > 0.0 && square > 0.0 && square.is_finite()) {
-            return Err(Error::NotPositive {
-                what: "sigma",
-                index,
-                value: self.sigma,
-            });
-        }
-        Ok(())
+        check_data("bearing", index, self.bearing)?;
+        check_sigma("sigma", index, self.sigma)
     }
 
     /// The sighting as a problem stores it.

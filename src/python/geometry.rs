@@ -55,7 +55,7 @@ impl<'py> Fixes<'py> {
 /// A requested fix; `None` where the geometry does not determine it.
 fn determined<const N: usize>(fix: Option<Result<Fix<N>, Error>>) -> Result<Option<Fix<N>>, Error> {
     match fix {
-        Some(Err(error @ Error::NotPositive { .. })) => Err(error),
+        Some(Err(error @ (Error::NotPositive { .. } | Error::Magnitude { .. }))) => Err(error),
         fix => Ok(fix.and_then(Result::ok)),
     }
 }

@@ -3,6 +3,8 @@
 
 use super::convert::{self, Floats};
 use super::errors;
+use super::observer::InterpreterObserver;
+use crate::kernels::{three_view_while, trifocal_tensor_while};
 use crate::{Bearing, Method, ThreeView, TrifocalTensor, Triple};
 use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
@@ -40,9 +42,9 @@ pub fn three_view<'py>(
 ) -> PyResult<Vec<Solution<'py>>> {
     let triples = convert::triples(py, &bearings)?;
     let method = self::method(py, method, reweights)?;
-    let solution = py
-        .detach(|| crate::three_view(&triples, method))
-        .map_err(|error| errors::error(py, error))?;
+    let solution = InterpreterObserver::run(py, None, |watch| {
+        three_view_while(&triples, method, || watch("reweights", 0, reweights))
+    })?;
     let count = if solution.flattened { 1 } else { 2 };
     let solutions = solution.motions[..count].iter().map(|motion| {
         let landmarks: Vec<_> = triples.iter().map(|t| motion.landmark(t)).collect();
@@ -66,9 +68,9 @@ pub fn trifocal_tensor<'py>(
 ) -> PyResult<Bound<'py, PyArray3<f64>>> {
     let triples = convert::triples(py, &bearings)?;
     let method = self::method(py, method, reweights)?;
-    let tensor = py
-        .detach(|| crate::trifocal_tensor(&triples, method))
-        .map_err(|error| errors::error(py, error))?;
+    let tensor = InterpreterObserver::run(py, None, |watch| {
+        trifocal_tensor_while(&triples, method, || watch("reweights", 0, reweights))
+    })?;
     let flat = tensor.entries.as_flattened().as_flattened();
     convert::array3(py, flat, [2, 2, 2])
 }
@@ -136,7 +138,7 @@ pub fn three_view_batch<'py>(
         )
             .into_par_iter()
             .with_min_len(MIN_SHARE);
-        py.detach(|| {
+        InterpreterObserver::run_on_pool(py, count.div_ceil(MIN_SHARE), |goes_on| {
             problems.for_each_init(
                 || Vec::with_capacity(landmarks),
                 |triples, (bearings, poses, points, inconsistent, cost, near_collinear)| {
@@ -148,13 +150,16 @@ pub fn three_view_batch<'py>(
                     points.fill(f64::NAN);
                     inconsistent.fill(-1);
                     cost.fill(f64::NAN);
-                    if let Ok(solution) = crate::three_view(triples, method) {
+                    if !goes_on() {
+                        return;
+                    }
+                    if let Ok(solution) = three_view_while(triples, method, goes_on) {
                         *near_collinear = solution.near_collinear;
                         write(&solution, triples, poses, points, inconsistent, cost);
                     }
                 },
             );
-        });
+        })?;
     }
     Ok((poses, points, inconsistent, cost, near_collinear))
 }

@@ -2,13 +2,14 @@
 //! Covariances of poses and landmarks, in a stated datum.
 
 use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
-use super::weak_directions::free_directions;
+use super::inverse_blocks::{diagonal_blocks, observe};
+use super::weak_directions::{SINGULAR_EQUATIONS, free_directions};
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal_equations::Normal;
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, Observer};
-use crate::problem::{Map, Problem, Subject};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Matrix2, Matrix3};
 
@@ -27,10 +28,6 @@ pub struct Covariance {
     /// Number of free directions beyond the gauge.
     pub free: usize,
 }
-
-/// Maximum number of columns of the inverse that are solved for at once, at least two per subject: several are faster
-/// than one, and memory stays small. It affects time only.
-const BATCH: usize = 64;
 
 /// Maximum number of free directions beyond the gauge that are sought. A map with more is almost undetermined, and
 /// some variances come out finite that should be infinite.
@@ -77,7 +74,7 @@ pub fn covariance(
     frame: Frame,
     mut observer: Option<Observer<'_>>,
 ) -> Result<Covariance, Error> {
-    map.check_size(problem)?;
+    map.check(problem)?;
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {
@@ -98,19 +95,22 @@ pub fn covariance(
             bound: 0.0,
         });
     }
-    let singular = Error::Degenerate {
-        kind: Degeneracy::SingularNormalEquations,
-        value: 0.0,
-        bound: f64::EPSILON,
-    };
-    let free = free_directions(&mut normal, &rows, &gauge, LOOKED_FOR).ok_or(singular)?;
+    let subjects = active.views() + active.landmarks();
+    let watch = &mut || observe(&mut observer, 0, subjects);
+    let free = free_directions(&mut normal, &rows, &gauge, LOOKED_FOR, watch)?;
     normal.assemble(&rows, &gauge);
+    watch()?;
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
-        return Err(singular);
+        return Err(SINGULAR_EQUATIONS);
     }
-    let transformation = Transformation::new(&normal, &active, &bundle, &gauge, &free, frame);
-    let sizes = (active.views(), active.landmarks());
-    let mut found = blocks(&normal, sizes, &transformation, &mut observer)?.into_iter();
+    let transformation = Transformation::new(&normal, &active, &bundle, &gauge, free, frame)
+        .ok_or(SINGULAR_EQUATIONS)?;
+    let blocks = diagonal_blocks(&normal, &active, &mut observer)?;
+    let mut parameter = 0;
+    let mut found = blocks.iter().map(|block| {
+        parameter += block.nrows();
+        transformation.apply(parameter - block.nrows(), block)
+    });
     Ok(Covariance {
         frame,
         poses: map
@@ -125,51 +125,13 @@ pub fn covariance(
             .map(|point| point.and_then(|_| found.next()))
             .map(|block| block.map(|b| Matrix2::from_fn(|i, j| b[(i, j)])))
             .collect(),
-        free: free.len(),
+        free: transformation.free.len()
+            + transformation
+                .unheld
+                .iter()
+                .filter(|unheld| **unheld)
+                .count(),
     })
-}
-
-/// The block of each view and landmark on the diagonal of the inverse, brought into the frame.
-fn blocks(
-    normal: &Normal<'_>,
-    (views, landmarks): (usize, usize),
-    transformation: &Transformation,
-    observer: &mut Option<Observer<'_>>,
-) -> Result<Vec<DMatrix<f64>>, Error> {
-    let subjects = (0..views)
-        .map(Subject::View)
-        .chain((0..landmarks).map(Subject::Landmark));
-    let blocks: Vec<(usize, usize)> = subjects
-        .map(|subject| match subject {
-            Subject::View(view) => (3 * view, 3),
-            Subject::Landmark(landmark) => (3 * views + 2 * landmark, 2),
-        })
-        .collect();
-    let size = normal.size();
-    let mut found = Vec::with_capacity(blocks.len());
-    let mut columns = Vec::new();
-    for batch in blocks.chunks(BATCH / 2) {
-        if let Some(observer) = observer
-            && !observer(found.len(), blocks.len() as f64)
-        {
-            return Err(Error::Interrupted);
-        }
-        let count: usize = batch.iter().map(|(_, width)| width).sum();
-        columns.clear();
-        columns.resize(count * size, 0.0);
-        let first = batch[0].0;
-        for column in 0..count {
-            columns[column * size + first + column] = 1.0;
-        }
-        normal.solve(&mut columns);
-        for &(parameter, width) in batch {
-            let raw = DMatrix::from_fn(width, width, |i, j| {
-                columns[(parameter - first + j) * size + parameter + i]
-            });
-            found.push(transformation.apply(parameter, &raw));
-        }
-    }
-    Ok(found)
 }
 
 /// `S = 1 - E (C^T E)^-1 C^T`: moves any solution along the free directions E to the one that satisfies the
@@ -181,7 +143,11 @@ struct Transformation {
     spread: DMatrix<f64>,
     /// `C^T` times that.
     core: DMatrix<f64>,
+    /// Directions that are free, and the largest entry of each.
     free: Vec<Vec<f64>>,
+    reach: Vec<f64>,
+    /// Parameters on which no residual depends: free as well, each alone.
+    unheld: Vec<bool>,
 }
 
 impl Transformation {
@@ -190,9 +156,9 @@ impl Transformation {
         problem: &Problem,
         bundle: &Bundle,
         gauge: &[Vec<f64>],
-        free: &[Vec<f64>],
+        free: Vec<Vec<f64>>,
         frame: Frame,
-    ) -> Self {
+    ) -> Option<Self> {
         let size = normal.size();
         let views = problem.views();
         let mut constraints = match frame {
@@ -203,7 +169,7 @@ impl Transformation {
         if constraints.len() != gauge.len() {
             constraints = inner_constraints(gauge, views);
         }
-        let free = in_frame(gauge, &constraints, free);
+        let free = in_frame(gauge, &constraints, &free)?;
         // Constraints along the other free directions, in units of standard deviations.
         let weighted = free.iter().map(|direction| {
             let entries = direction.iter().enumerate();
@@ -220,12 +186,14 @@ impl Transformation {
         if count > 0 {
             normal.solve(spread.as_mut_slice());
         }
-        Self {
-            lift: &e * inverse(c.transpose() * &e),
+        Some(Self {
+            lift: &e * inverse(&(c.transpose() * &e))?,
             core: c.transpose() * &spread,
             spread,
+            reach: free.iter().map(|direction| largest(direction)).collect(),
             free,
-        }
+            unheld: (0..size).map(|k| !(normal.diagonal(k) > 0.0)).collect(),
+        })
     }
 
     /// The block of one subject in the frame, from that of the inverse.
@@ -242,16 +210,22 @@ impl Transformation {
                 block.column_mut(k).fill(0.0);
             }
         }
-        for direction in &self.free {
-            let largest = direction.iter().fold(0.0, |most: f64, d| most.max(d.abs()));
-            for k in 0..width {
-                if direction[parameter + k].abs() > STANDS_STILL * largest {
-                    block.row_mut(k).fill(f64::NAN);
-                    block.column_mut(k).fill(f64::NAN);
-                    block[(k, k)] = f64::INFINITY;
-                }
+        for k in 0..width {
+            let moves = self.free.iter().zip(&self.reach);
+            let mut moves = moves.map(|(d, reach)| d[parameter + k].abs() > STANDS_STILL * reach);
+            if self.unheld[parameter + k] || moves.any(|moves| moves) {
+                block.row_mut(k).fill(f64::NAN);
+                block.column_mut(k).fill(f64::NAN);
+                block[(k, k)] = f64::INFINITY;
             }
         }
         block
     }
+}
+
+/// The largest entry of a vector.
+fn largest(vector: &[f64]) -> f64 {
+    vector
+        .iter()
+        .fold(0.0, |most, entry| f64::max(most, entry.abs()))
 }

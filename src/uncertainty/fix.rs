@@ -6,6 +6,7 @@ use crate::error::{Degeneracy, Error};
 use crate::float::Float;
 use crate::geometry::{Bearing, Pose};
 use crate::lm::{BearingRow, Ray};
+use crate::problem::check_sigma;
 use nalgebra::{Point2, SMatrix, SVector};
 
 /// The uncertainty of a position fix: a landmark from rays of known poses (`N = 2`), or a pose from bearings of
@@ -95,16 +96,8 @@ impl Fix<3> {
 
 /// One over a standard deviation. Its square must be finite and positive as well.
 fn weight(sigma: f64) -> Result<f64, Error> {
-    let weight = 1.0 / sigma;
-    let square = weight * weight;
-    if !(sigma > 0.0 && square > 0.0 && square.is_finite()) {
-        return Err(Error::NotPositive {
-            what: "sigma",
-            index: 0,
-            value: sigma,
-        });
-    }
-    Ok(weight)
+    check_sigma("sigma", 0, sigma)?;
+    Ok(1.0 / sigma)
 }
 
 /// The normal equations, scaled to a unit diagonal, are singular when a pivot is not above this: the rounding of
@@ -323,10 +316,12 @@ mod tests {
                 ..
             })
         ));
-        for sigma in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        for sigma in [0.0, -1.0, f64::NAN] {
             let refused = Fix::of_landmark(&point, seen.iter().copied(), sigma);
             assert!(matches!(refused, Err(Error::NotPositive { .. })), "{sigma}");
         }
+        let refused = Fix::of_landmark(&point, seen.iter().copied(), f64::INFINITY);
+        assert!(matches!(refused, Err(Error::Magnitude { .. })));
         let lost = Point2::new(f64::NAN, 0.0);
         let refused = Fix::of_landmark(&lost, seen, SIGMA);
         assert!(matches!(refused, Err(Error::NotFinite { .. })));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The datum of a covariance: what is held fixed while the rest varies, and directions transformed into that frame.
 
+use crate::adjustment::decompose::pseudo_inverse;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector};
 
@@ -36,16 +37,9 @@ impl Frame {
 /// rounding, so that the gain of a free direction exceeds all others.
 pub const LIFT: f64 = 1e-13;
 
-/// The inverse of a small matrix, or its pseudo-inverse if it is singular.
-pub fn inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {
-    let (rows, columns) = matrix.shape();
-    let nothing = DMatrix::zeros(columns, rows);
-    if matrix.is_empty() {
-        return nothing;
-    }
-    let decomposed = matrix.svd(true, true);
-    let bound = decomposed.singular_values.amax() * SINGULAR;
-    decomposed.pseudo_inverse(bound).unwrap_or(nothing)
+/// The inverse of a small matrix, or its pseudo-inverse if it is singular; `None` beyond the arithmetic.
+pub fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    pseudo_inverse(matrix, SINGULAR)
 }
 
 /// Fraction of the largest singular value below which one is zero: far above rounding, far below any real one.
@@ -63,13 +57,17 @@ pub fn inner_constraints(gauge: &[Vec<f64>], views: usize) -> Vec<Vec<f64>> {
     gauge.iter().map(inner).collect()
 }
 
-/// Directions moved along the gauge until they satisfy the constraints.
-pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>]) -> Vec<Vec<f64>> {
+/// Directions moved along the gauge until they satisfy the constraints; `None` when the arithmetic overflows.
+pub fn in_frame(
+    gauge: &[Vec<f64>],
+    constraints: &[Vec<f64>],
+    free: &[Vec<f64>],
+) -> Option<Vec<Vec<f64>>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let count = gauge.len();
-    let solver = inverse(DMatrix::from_fn(count, count, |i, j| {
+    let solver = inverse(&DMatrix::from_fn(count, count, |i, j| {
         dot(&constraints[i], &gauge[j])
-    }));
+    }))?;
     let framed = |direction: &Vec<f64>| {
         let violation = DVector::from_fn(count, |i, _| dot(&constraints[i], direction));
         let step = &solver * violation;
@@ -81,5 +79,5 @@ pub fn in_frame(gauge: &[Vec<f64>], constraints: &[Vec<f64>], free: &[Vec<f64>])
         }
         direction
     };
-    free.iter().map(framed).collect()
+    Some(free.iter().map(framed).collect())
 }

@@ -3,9 +3,11 @@
 
 use super::frame::{LIFT, in_frame, inner_constraints};
 use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::decompose::symmetric_eigen;
 use crate::adjustment::elimination::kept_positions;
 use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::normal_equations::Normal;
+use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::spread;
@@ -62,6 +64,16 @@ const FREE: f64 = 1e11;
 /// Steps of the iteration in [`weakest`]: enough to know the lengths to a few percent.
 const STEPS: usize = 8;
 
+/// The normal equations are singular beyond the free directions, or beyond the arithmetic.
+pub const SINGULAR_EQUATIONS: Error = Error::Degenerate {
+    kind: Degeneracy::SingularNormalEquations,
+    value: 0.0,
+    bound: f64::EPSILON,
+};
+
+/// Whether the caller wants to go on, asked between steps.
+pub type Watch<'a> = &'a mut dyn FnMut() -> Result<(), Error>;
+
 /// The free directions beyond the gauge, at most `count`.
 ///
 /// Priors and odometry may determine a direction far more weakly than bearings determine the others, and it is still
@@ -72,7 +84,8 @@ pub fn free_directions(
     rows: &Rows,
     gauge: &[Vec<f64>],
     count: usize,
-) -> Option<Vec<Vec<f64>>> {
+    watch: Watch<'_>,
+) -> Result<Vec<Vec<f64>>, Error> {
     let mut balanced = rows.clone();
     let squares = rows.sightings.iter().map(|row| row.gradient.norm_squared());
     let mean = squares.sum::<f64>() / rows.sightings.len().max(1) as f64;
@@ -96,18 +109,25 @@ pub fn free_directions(
     }
     normal.assemble(&balanced, gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
-        return None;
+        return Err(SINGULAR_EQUATIONS);
     }
-    let found = weakest(normal, count).into_iter();
+    let found = weakest(normal, count, watch)?.into_iter();
     let free = found.filter(|weak| !(weak.gain < FREE));
-    Some(free.map(|weak| weak.direction).collect())
+    Ok(free.map(|weak| weak.direction).collect())
 }
 
 /// The `count` weakest directions, the weakest first.
 ///
 /// (T16) for a sparse matrix: inverse iteration on a few vectors at once, with the parameters in units of
 /// their conditional standard deviations. Needs [`Normal::factorize`].
-pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
+///
+/// # Errors
+/// [`SINGULAR_EQUATIONS`] beyond the arithmetic; those of `watch`.
+pub fn weakest(
+    normal: &Normal<'_>,
+    count: usize,
+    watch: Watch<'_>,
+) -> Result<Vec<Eigenpair>, Error> {
     let size = normal.size();
     let count = count.min(size);
     let units: Vec<f64> = (0..size)
@@ -119,6 +139,7 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
     });
     let mut gains = vec![0.0; count];
     for _ in 0..STEPS {
+        watch()?;
         let orthogonal = basis.qr().q();
         let mut next = orthogonal.clone();
         for (k, unit) in units.iter().enumerate() {
@@ -130,32 +151,32 @@ pub fn weakest(normal: &Normal<'_>, count: usize) -> Vec<Eigenpair> {
         }
         // Rayleigh-Ritz: the eigenproblem in the space that they span.
         let small = orthogonal.transpose() * &next;
-        let eigen = ((&small + small.transpose()) * 0.5).symmetric_eigen();
+        let eigen =
+            symmetric_eigen((&small + small.transpose()) * 0.5).ok_or(SINGULAR_EQUATIONS)?;
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
         gains = order.iter().map(|&k| eigen.eigenvalues[k]).collect();
         let turned = DMatrix::from_fn(count, count, |i, j| eigen.eigenvectors[(i, order[j])]);
         basis = next * turned;
     }
-    (0..count)
-        .map(|k| {
-            let column = basis.column(k);
-            let length = (gains[k].max(0.0)).sqrt() / column.norm();
-            let entries = column.iter().zip(&units);
-            Eigenpair {
-                direction: entries
-                    .map(|(entry, unit)| {
-                        if *unit > 0.0 {
-                            entry * length / unit
-                        } else {
-                            0.0
-                        }
-                    })
-                    .collect(),
-                gain: gains[k],
-            }
-        })
-        .collect()
+    let pair = |k: usize| {
+        let column = basis.column(k);
+        let length = (gains[k].max(0.0)).sqrt() / column.norm();
+        let entries = column.iter().zip(&units);
+        Eigenpair {
+            direction: entries
+                .map(|(entry, unit)| {
+                    if *unit > 0.0 {
+                        entry * length / unit
+                    } else {
+                        0.0
+                    }
+                })
+                .collect(),
+            gain: gains[k],
+        }
+    };
+    Ok((0..count).map(pair).collect())
 }
 
 /// The weakest directions of a map beyond its gauge, at most `count`, for residuals of this many `sigmas`, with any
@@ -168,34 +189,35 @@ pub fn weakest_directions<Cause>(
     map: &Map,
     count: usize,
     sigmas: f64,
-) -> Option<Vec<WeakDirection<Cause>>> {
+    watch: Watch<'_>,
+) -> Result<Vec<WeakDirection<Cause>>, Error> {
     let subjects: Vec<Subject> = map.determined().collect();
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
     if bundle.poses.is_empty() {
-        return None;
+        return Err(SINGULAR_EQUATIONS);
     }
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, Loss::Squared, &mut rows);
-    let mut normal = Normal::new(&active)?;
+    let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
     let gauge = gauge_directions(&active, &bundle);
-    let free = free_directions(&mut normal, &rows, &gauge, count)?;
+    let free = free_directions(&mut normal, &rows, &gauge, count, watch)?;
     normal.assemble(&rows, &gauge);
     if !normal.factorize(0.0) && !normal.factorize(LIFT) {
-        return None;
+        return Err(SINGULAR_EQUATIONS);
     }
     let places = kept_positions::<3>(&bundle);
     let size = (spread(&places) / places.len() as f64).sqrt();
     let inner = inner_constraints(&gauge, places.len());
     // The free directions, and the weakest of the others.
-    let others = weakest(&normal, count).into_iter().skip(free.len());
+    let others = weakest(&normal, count, watch)?.into_iter().skip(free.len());
     let free = free.into_iter().map(|direction| (direction, None));
     let all = free.chain(others.map(|pair| {
         let gain = Some(pair.gain).filter(|gain| *gain != f64::INFINITY);
         (pair.direction, gain)
     }));
     let found = all.map(|(direction, gain)| {
-        let moved = in_frame(&gauge, &inner, &[direction]);
+        let moved = in_frame(&gauge, &inner, &[direction]).ok_or(SINGULAR_EQUATIONS)?;
         let squares = squared_moves(&moved[0], places.len());
         let sum: f64 = squares.iter().sum();
         let most = squares.iter().copied().fold(0.0, f64::max);
@@ -203,16 +225,16 @@ pub fn weakest_directions<Cause>(
             None => f64::INFINITY,
             Some(_) => sigmas * (square.sqrt() / size),
         };
-        WeakDirection {
+        Ok(WeakDirection {
             free: gain.is_none(),
             singular_value: gain.map_or(0.0, |gain| 1.0 / gain.max(1.0).sqrt()),
             deviation: deviation(sum / subjects.len() as f64),
             largest: deviation(most),
             movers: largest_first(subjects.iter().copied().zip(squares)),
             cause: None,
-        }
+        })
     });
-    Some(found.collect())
+    found.collect()
 }
 
 /// The squared move of each position, views before landmarks.

@@ -460,3 +460,28 @@ def test_residuals_over_sigma_counts_odometry_and_priors():
     result = bearslam.solve(scene.bearings, sigma=noise, odometry=odometry, pose_priors=known, landmark_priors=beacons)
     assert residuals_over_sigma(result) == pytest.approx(1.0, abs=0.1)
     assert np.isnan(residuals_over_sigma(bearslam.solve(scene.bearings)))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a shell of POSIX")
+def test_a_closed_standard_error_changes_neither_exit_code_nor_output(tmp_path):
+    path = tmp_path / "scene.csv"
+    bearslam.save(bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1).bearings, path)
+    for arguments, code in (
+        (f"solve {path} --sigma-deg 0.6", 0),
+        (f"diagnose {path}", 0),
+        ("solve none.csv", 1),
+        ("solve", 2),
+    ):
+        command = f"{sys.executable} -m bearslam {arguments}"
+        whole, closed = (
+            subprocess.run(["sh", "-c", f"{command} {end}"], capture_output=True, check=False, cwd=tmp_path)
+            for end in ("", "2>&-")
+        )
+        assert (closed.returncode, closed.stdout) == (whole.returncode, whole.stdout), arguments
+        assert closed.returncode == code
+        out = tmp_path / "map.json"
+    done = subprocess.run(
+        ["sh", "-c", f"{sys.executable} -m bearslam solve {path} -o {out} 2>&-"], capture_output=True, check=False
+    )
+    assert done.returncode == 0
+    assert out.read_text().startswith("{")

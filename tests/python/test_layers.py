@@ -14,7 +14,7 @@ ORDER = """
     data.sightings data.problem data.normalize data.options data.request
     data.estimate
 
-    io.atomic io.compression io.endings io.text io.view_names io.information
+    io.atomic io.bounded io.compression io.endings io.text io.view_names io.information
     io.number_table io.dead_reckoning io.edge_noise
     io.sensor_pose io.graph_builder io.sightings_csv io.g2o io.text_graph io.mrclam io.tum io.gtsam
     io.map_file io.truth io.files

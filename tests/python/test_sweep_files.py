@@ -5,6 +5,7 @@ import csv
 import io
 import random
 import sys
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -156,6 +157,27 @@ def test_a_bad_archive_is_refused(result, tmp_path, edit, message):
     edit(path)
     with pytest.raises(InvalidInputError, match=f"sweep.npz: {message}"):
         SweepResult.load(path)
+
+
+def test_an_array_that_declares_more_than_there_is_is_refused_before_memory_is_taken(result, path):
+    """A header may declare gigabytes; the compressed zeros behind it may even be there."""
+    result.save(path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<i8", "fortran_order": False, "shape": (2**28, 4)})
+    members["bins.npy"] = header.getvalue() + bytes(32)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    tracemalloc.start()
+    with pytest.raises(
+        InvalidInputError, match=r"sweep.npz: expected bins of at most 32 bytes, got one that declares 8"
+    ):
+        SweepResult.load(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 10**7
 
 
 def test_no_damage_gets_another_error_or_another_result(result, path):

@@ -2,8 +2,8 @@
 //! Diagnoses of problems with odometry and priors, and of large ones.
 
 use bearslam::{
-    Arena, Kind, LandmarkPrior, Layout, Noise, Pose, Problem, Scene, bearing_to, diagnose, pose,
-    simulate,
+    Arena, Frame, Kind, LandmarkPrior, Layout, Loss, Noise, Pose, PosePrior, Problem, Scene,
+    bearing_to, covariance, diagnose, pose, simulate,
 };
 use nalgebra::Point2;
 
@@ -118,4 +118,74 @@ fn large_maps_are_examined_sparsely() {
     assert_eq!(found.extra, 1, "{found}");
     assert!(!found.determined());
     assert!(found.directions[0].free && found.directions[0].movers.len() > 3);
+}
+
+/// A given map may place what nothing in the problem holds there: a landmark that no view sees, or only one.
+#[test]
+fn what_nobody_sees_is_not_determined_by_a_given_map() {
+    let arena = Arena {
+        sight: 4.0,
+        ..Arena::default()
+    };
+    let scene = simulate(Layout::Trajectory, 20, 12, 0.01, 1, arena).unwrap();
+    let odometry = scene.odometry([0.02, 0.02, 0.01], 1).unwrap();
+    for left in [0, 1] {
+        let mut bearings = scene.bearings.clone();
+        let mut seen = 0;
+        for row in bearings.chunks_exact_mut(12) {
+            seen += usize::from(!row[3].is_nan());
+            if seen > left {
+                row[3] = f64::NAN;
+            }
+        }
+        let problem = Problem::dense(20, 12, &bearings, 0.01).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let map = super::common::truth(&scene);
+        let found = diagnose(&problem, Some(&map), None).unwrap();
+        let told = found.findings.iter().find(|f| f.landmarks == [3]);
+        assert!(told.is_some() && !found.determined(), "{left}: {found}");
+        assert!(found.to_string().contains("landmark 3"), "{found}");
+        // With a position of its own, in the frame of the rest, it needs no sightings.
+        let start = PosePrior {
+            view: 0,
+            pose: scene.poses[0],
+            noise: Noise::Sigmas([0.1, 0.1, 0.1]),
+        };
+        let known = LandmarkPrior {
+            landmark: 3,
+            position: scene.landmarks[3],
+            noise: Noise::Sigmas([0.1, 0.1]),
+        };
+        let problem = problem.with_landmark_priors(&[known]).unwrap();
+        let problem = problem.with_pose_priors(&[start]).unwrap();
+        let found = diagnose(&problem, Some(&map), None).unwrap();
+        assert!(found.determined(), "{left}: {found}");
+    }
+}
+
+/// No residual depends on it, so its variance is infinite in the covariance of a given map as well.
+#[test]
+fn what_nobody_sees_has_infinite_variance() {
+    let scene = super::common::scene(Layout::Enclosed, 5, 9, 0.5, 4);
+    let mut bearings = scene.bearings.clone();
+    bearings
+        .chunks_exact_mut(9)
+        .for_each(|row| row[3] = f64::NAN);
+    let problem = Problem::dense(5, 9, &bearings, 0.01).unwrap();
+    let map = super::common::truth(&scene);
+    for frame in [Frame::FirstView, Frame::FreeNetwork] {
+        let found = covariance(&problem, &map, Loss::Squared, frame, None).unwrap();
+        assert_eq!(found.free, 2);
+        let unseen = found.landmarks[3].unwrap();
+        assert!(
+            unseen[(0, 0)].is_infinite() && unseen[(1, 1)].is_infinite(),
+            "{unseen}"
+        );
+        let others = found.landmarks.iter().enumerate().filter(|(k, _)| *k != 3);
+        assert!(
+            others
+                .into_iter()
+                .all(|(_, block)| block.unwrap().trace().is_finite())
+        );
+    }
 }

@@ -451,7 +451,11 @@ fn anything_is_diagnosed() {
             poses: vec![Some(pose(f64::NAN, 1e300, 0.0)); views],
             landmarks: vec![Some(Point2::new(f64::INFINITY, -1e300)); landmarks],
         };
-        diagnose(&problem, Some(&broken), None).unwrap();
+        let refused = diagnose(&problem, Some(&broken), None);
+        assert!(matches!(
+            refused,
+            Err(Error::NotFinite { what: "poses", .. })
+        ));
     }
     let problem = Problem::dense(2, 3, &[0.0; 6], 1.0).unwrap();
     assert!(matches!(

@@ -13,6 +13,7 @@ mod header;
 mod layers;
 #[cfg(feature = "serde")]
 mod leaves;
+mod magnitudes;
 mod posterior;
 mod properties;
 mod reference;

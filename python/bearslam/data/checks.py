@@ -20,8 +20,11 @@ from bearslam.progress import Progress
 
 __all__ = [
     "SEED_LIMIT",
+    "TURN",
     "FloatArray",
     "IntArray",
+    "angles",
+    "check_turn",
     "choice",
     "flag",
     "floats",
@@ -40,6 +43,8 @@ IntArray: TypeAlias = NDArray[np.int64]
 
 SEED_LIMIT = 2**64 - 1
 """The largest seed."""
+TURN = 2 * math.pi
+"""Largest angle [rad]: a larger one is most likely in degrees."""
 INDEX_LIMIT = 2**24
 """Largest number of views or landmarks: a larger index is most likely an identifier, not a number counted from 0."""
 
@@ -57,7 +62,7 @@ def plain(name: str, value: ArrayLike) -> NDArray[Any]:
 def floats(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
     """Float64 array in C order, of the given shape, in which letters stand for any length.
 
-    Every entry must be finite; with `missing`, NaN is allowed as well.
+    Every entry must be finite; with `missing`, NaN is allowed as well. The range of numbers is checked by the core.
     """
     array = plain(name, value)
     if array.dtype.kind not in "fiu":
@@ -69,11 +74,41 @@ def floats(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: 
     numbers = np.asarray(array, dtype=np.float64, order="C")
     bad = np.isinf(numbers) if missing else ~np.isfinite(numbers)
     if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        place = f"[{', '.join(map(str, where))}]" if where else ""
+        where, place = _first(bad)
         wanted = "a finite number, or NaN for what is missing" if missing else "a finite number"
         raise InvalidInputError(f"{name}{place}: expected {wanted}, got {numbers[where]}")
     return numbers
+
+
+def angles(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
+    """Float64 array of bearings [rad], of which none is beyond one turn."""
+    numbers = floats(name, value, shape, missing=missing)
+    check_turn(name, numbers)
+    return numbers
+
+
+def check_turn(
+    name: str,
+    values: ArrayLike,
+    *,
+    expected: str = "radians within one turn",
+    turn: float = TURN,
+    column: int | None = None,
+) -> None:
+    """Refuse angles beyond one turn, in a column if there is one, which are most likely in degrees."""
+    if isinstance(values, float) and abs(values) <= turn:
+        return  # without an array, line by line of a file
+    given = np.asarray(values)
+    beyond = np.abs(given if column is None else given[..., column]) > turn
+    if beyond.any():
+        where, place = _first(beyond, () if column is None else (column,))
+        raise InvalidInputError(f"{name}{place}: expected {expected}, got {given[where]:g}: degrees?")
+
+
+def _first(bad: NDArray[np.bool_], last: tuple[int, ...] = ()) -> tuple[tuple[int, ...], str]:
+    """Where the first bad entry is, completed by the `last` indices, and the same as text."""
+    where = tuple(int(i) for i in np.argwhere(bad)[0]) + last
+    return where, f"[{', '.join(map(str, where))}]" if where else ""
 
 
 def indices(name: str, value: ArrayLike) -> IntArray:

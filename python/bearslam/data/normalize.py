@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.data.checks import FloatArray, floats, plain
+from bearslam.data.checks import FloatArray, angles, plain
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.data.sightings import Sightings, deviations
 from bearslam.errors import InvalidInputError
@@ -79,7 +79,7 @@ def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, l
                 f"{landmarks} landmarks from {views} views"
             )
         return DenseOrSparse(views, landmarks, problem, each, dense=False)
-    bearings = floats("bearings", problem, ("m", "n"), missing=True)
+    bearings = angles("bearings", problem, ("m", "n"), missing=True)
     seen = ~np.isnan(bearings)
     if not seen.any():
         raise InvalidInputError(f"bearings: expected at least one sighting, got none in shape {bearings.shape}")

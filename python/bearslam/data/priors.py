@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bearslam.data.checks import FloatArray, IntArray, floats, indices, plain
+from bearslam.data.checks import FloatArray, IntArray, check_turn, floats, indices, plain
 from bearslam.errors import InvalidInputError
 
 __all__ = ["LandmarkPriors", "Odometry", "PosePriors", "noise", "set_read_only"]
@@ -31,7 +31,7 @@ class Odometry:
         0-based indices of the views at the start and the end of each motion. They need not be consecutive, and a pair
         may be repeated.
     delta : (k, 3) array_like of float
-        Pose (x, y, theta) of `end` in the frame of `start` [length, rad].
+        Pose (x, y, theta) of `end` in the frame of `start`; theta within one turn [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
         Standard deviations of x, y and theta, for all motions or for each, or covariances, in the axes of the measured
         end pose [length, rad].
@@ -67,7 +67,7 @@ class Odometry:
             self,
             start=first,
             end=last,
-            delta=floats("delta", delta, (k, 3)),
+            delta=_poses("delta", delta, k),
             sigma=noise("sigma", sigma, k, 3),
         )
 
@@ -88,7 +88,7 @@ class PosePriors:
     view : (k,) array_like of int
         0-based indices of the views.
     pose : (k, 3) array_like of float
-        Their poses (x, y, theta) [length, rad].
+        Their poses (x, y, theta); theta within one turn [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
         Standard deviations of x, y and theta in the map frame, for all or for each, or covariances [length, rad]. An
         infinite one means that nothing is known of the coordinate: ``[inf, inf, 0.02]`` is a compass.
@@ -114,9 +114,7 @@ class PosePriors:
     def __init__(self, view: ArrayLike, pose: ArrayLike, sigma: ArrayLike) -> None:
         index = indices("view", view)
         k = len(index)
-        set_read_only(
-            self, view=index, pose=floats("pose", pose, (k, 3)), sigma=noise("sigma", sigma, k, 3, unknown=True)
-        )
+        set_read_only(self, view=index, pose=_poses("pose", pose, k), sigma=noise("sigma", sigma, k, 3, unknown=True))
 
     def __len__(self) -> int:
         return len(self.view)
@@ -185,6 +183,12 @@ def _as_many(name: str, values: IntArray, k: int, other: str) -> IntArray:
     if len(values) != k:
         raise InvalidInputError(f"{name}: expected as many entries as {other} has, {k}, got {len(values)}")
     return values
+
+
+def _poses(name: str, value: ArrayLike, k: int) -> FloatArray:
+    poses = floats(name, value, (k, 3))
+    check_turn(name, poses, column=2)
+    return poses
 
 
 def noise(name: str, value: ArrayLike, k: int, n: int, *, unknown: bool = False) -> FloatArray:

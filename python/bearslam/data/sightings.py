@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.data.checks import FloatArray, IntArray, floats, indices, plain
+from bearslam.data.checks import FloatArray, IntArray, angles, floats, indices, plain
 from bearslam.data.priors import noise, set_read_only
 from bearslam.errors import InvalidInputError
 
@@ -28,14 +28,15 @@ class Sightings:
         0-based indices of the view and of the landmark it saw. A view sees a landmark at most once. The largest index
         tells how many views (landmarks) there are.
     bearing : (k,) array_like of float
-        Directions in the frame of the view, counter-clockwise from its heading [rad]. Any finite angle.
+        Directions in the frame of the view, counter-clockwise from its heading, within one turn [rad].
     sigma : (k,) array_like of float, or float, optional
         Standard deviations of the bearings, above 0 [rad].
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, there are no sightings, an index is negative or not an integer, or a number is not finite.
+        If lengths differ, there are no sightings, an index is negative or not an integer, a number is not finite, or a
+        bearing is beyond one turn.
 
     Examples
     --------
@@ -55,7 +56,7 @@ class Sightings:
         fields: dict[str, IntArray | FloatArray] = {
             "view": indices("view", view),
             "landmark": indices("landmark", landmark),
-            "bearing": floats("bearing", bearing, ("k",)),
+            "bearing": angles("bearing", bearing, ("k",)),
         }
         k = len(fields["view"])
         for name, values in fields.items():

@@ -16,6 +16,7 @@ from bearslam.data.problem import Problem, ProblemLike
 from bearslam.errors import InvalidInputError
 from bearslam.io import g2o, map_file, mrclam, sightings_csv, text_graph, tum
 from bearslam.io.atomic import replacing
+from bearslam.io.bounded import read_bounded, read_path
 from bearslam.io.compression import GZIP, decompressed
 from bearslam.io.endings import ENDINGS, FORMATS, PROBLEMS, RESULTS, TRUTHS, Format, ending_of
 from bearslam.io.sensor_pose import in_sensor_frame
@@ -99,18 +100,17 @@ def load(
     if folder:
         raise InvalidInputError(f"{next(iter(folder))}: applies to folders only, got a file")
     if isinstance(path, str | os.PathLike):
-        name, data = os.fspath(path), Path(path).read_bytes()
+        name, data = os.fspath(path), read_path(path)
         suffixes = [suffix.lower() for suffix in Path(path).suffixes]
         compressed = suffixes[-1:] == [".gz"]
         ending = "".join(suffixes[:-1][-1:] if compressed else suffixes[-1:])
     else:
         read = getattr(path, "read", None)
-        content = path if read is None else read()
-        if not isinstance(content, bytes) or read is None:
-            got = type(content).__name__
+        if read is None:
+            got = type(path).__name__
             raise InvalidInputError(f"path: expected a path or a file opened in binary mode, got {got}")
-        data = content
         name, ending, compressed = str(getattr(path, "name", "<file>")), "", False
+        data = read_bounded(path, name)
     if compressed or data.startswith(GZIP):
         data = decompressed(data, name)
     found = format or ENDINGS.get(ending) or _guess(data)

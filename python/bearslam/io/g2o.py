@@ -324,8 +324,7 @@ def _sightings(
         if k in ranged:
             lines.append(_line(f"EDGE_SE2_XY {ends}", *ranged[k]))
         else:
-            turned = bearing if abs(bearing) <= math.tau else math.remainder(bearing, math.tau)
-            lines.append(f"EDGE_BEARING_SE2_XY {ends} {turned!r} {information(deviation)}")
+            lines.append(f"EDGE_BEARING_SE2_XY {ends} {bearing!r} {information(deviation)}")
     return lines
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bearslam.data.checks import FloatArray, quote
+from bearslam.data.checks import FloatArray, check_turn, quote
 from bearslam.data.maps import Map
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem
@@ -77,6 +77,7 @@ class GraphBuilder:
         """An edge between two poses."""
         if ends[0] == ends[1]:
             raise InvalidInputError(f"{self.where(line)}: expected an edge between two poses, got {ends[0]} twice")
+        self._check_heading(line, delta[2])
         self._view(line, ends[0])
         self._view(line, ends[1], 1)
         self._motions.append(_Edge(line, ends, delta, spread))
@@ -94,10 +95,11 @@ class GraphBuilder:
 
     def check_turn(self, line: int, bearing: float) -> None:
         """Refuse a bearing beyond one turn, which is most likely in degrees."""
-        if abs(bearing) > math.tau:
-            raise InvalidInputError(
-                f"{self.where(line)}: expected a bearing in radians within one turn, got {bearing:g}: degrees?"
-            )
+        check_turn(self.where(line), bearing, expected="a bearing in radians within one turn")
+
+    def _check_heading(self, line: int, heading: float) -> None:
+        """Refuse the turn of a motion, or a known heading, beyond one turn."""
+        check_turn(self.where(line), heading, expected="a heading in radians within one turn")
 
     def offset(self, line: int, ends: tuple[str, str], position: tuple[float, ...], spread: EdgeNoise) -> None:
         """A sighting with a position in the frame of the pose."""
@@ -117,6 +119,7 @@ class GraphBuilder:
 
     def pose_prior(self, line: int, key: str, pose: tuple[float, ...], spread: EdgeNoise) -> None:
         """A prior on a pose."""
+        self._check_heading(line, pose[2])
         self._view(line, key)
         self._pose_priors.append(_Edge(line, (key,), pose, spread))
 

@@ -20,6 +20,7 @@ from bearslam.data.estimate import Estimate, per_sighting
 from bearslam.data.maps import HasMap
 from bearslam.errors import InvalidInputError
 from bearslam.io import g2o
+from bearslam.io.bounded import read_path
 from bearslam.io.compression import GZIP, decompressed
 from bearslam.io.endings import MAPS
 from bearslam.io.text import csv_row, csv_rows, decode
@@ -99,7 +100,7 @@ def read(path: str | os.PathLike[str]) -> NamedMap:
     ending = Path(file.stem if file.suffix.lower() == ".gz" else file.name).suffix.lower()
     if ending not in MAPS:
         raise InvalidInputError(f"truth: expected a name that ends in {' or '.join(MAPS)}, or a folder, got {name!r}")
-    data = file.read_bytes()
+    data = read_path(file)
     if data.startswith(GZIP):
         data = decompressed(data, name)
     text = decode(data, name)

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bearslam.data.checks import FloatArray, IntArray, quote, real, whole
+from bearslam.data.checks import TURN, FloatArray, IntArray, quote, real, whole
 from bearslam.data.priors import Odometry
 from bearslam.data.problem import Problem
 from bearslam.data.sightings import Sightings, deviations
@@ -41,8 +41,6 @@ ROBOTS = range(1, 6)
 SIGMA = math.radians(0.3)
 """Standard deviation of a bearing [rad]. In set 7 the robust deviation from the truth is 0.52 degrees. Most of it is
 common to all bearings of an image, like an error of its heading; 0.2 degrees are independent. This lies in between."""
-TURN = 2 * math.pi
-"""Largest bearing [rad]: a larger one is most likely in degrees."""
 COMMAND = 1e3
 """Largest valid velocity [m/s, rad/s]."""
 UNKNOWN = -1
@@ -201,7 +199,7 @@ def _logs(folder: Path, subjects: dict[int, int]) -> list[Log]:
         time, barcode, distance, bearing = table.values.T
         table.refuse(barcode % 1 != 0, "expected a whole number as barcode, got {1:g}")
         table.refuse(distance < 0, "expected a range of at least 0, got {2:g}")
-        table.refuse(np.abs(bearing) > TURN, "expected radians within one turn as bearing, got {3:g}")
+        table.refuse(np.abs(bearing) > TURN, "expected radians within one turn as bearing, got {3:g}: degrees?")
         subject = np.array([subjects.get(code, UNKNOWN) for code in barcode.tolist()])
         logs.append(Log(robot, time, subject, bearing))
     if not logs:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bearslam.data.checks import FloatArray, quote
 from bearslam.errors import InvalidInputError
+from bearslam.io.bounded import read_path
 from bearslam.io.compression import decompressed
 from bearslam.io.text import decode
 
@@ -79,7 +80,7 @@ def table_path(folder: Path, name: str) -> Path | None:
 
 
 def _text(path: Path) -> str:
-    data = path.read_bytes()
+    data = read_path(path)
     if path.suffix == ".gz":
         data = decompressed(data, os.fspath(path))
     return decode(data, os.fspath(path))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from bearslam.data.checks import quote
+from bearslam.data.checks import TURN, check_turn, quote
 from bearslam.data.normalize import normalize
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.data.sightings import SIGMA_RANGE, Sightings
@@ -15,7 +15,7 @@ from bearslam.io.text import csv_row, csv_rows, decode
 __all__ = ["parse", "render"]
 
 COLUMNS = ("view", "landmark", "bearing", "bearing_deg", "sigma", "sigma_deg")
-TURN = {"bearing": 2 * math.pi, "bearing_deg": 360.0}
+TURNS = {"bearing": TURN, "bearing_deg": 360.0}
 """Largest bearing by column: a larger one is most likely in degrees in a column of radians."""
 
 
@@ -77,8 +77,7 @@ def render(problem: ProblemLike) -> str:
     for i, j, bearing, sigma in zip(
         seen.view.tolist(), seen.landmark.tolist(), seen.bearing.tolist(), table.sigma.tolist(), strict=True
     ):
-        turned = bearing if abs(bearing) <= TURN["bearing"] else math.remainder(bearing, math.tau)
-        lines.append(csv_row(views[i], landmarks[j], repr(turned), *([repr(sigma)] if weighted else [])))
+        lines.append(csv_row(views[i], landmarks[j], repr(bearing), *([repr(sigma)] if weighted else [])))
     return "".join(lines)
 
 
@@ -138,9 +137,8 @@ def _number(column: str, cell: str, where: str) -> float:
 
 def _bearing(column: str, cell: str, where: str) -> float:
     value = _number(column, cell, where)
-    if abs(value) > TURN[column]:
-        unit = "radians (a column bearing_deg holds degrees)" if column == "bearing" else "degrees"
-        raise InvalidInputError(f"{where}: expected {unit} within one turn as {column}, got {value:g}")
+    unit = "radians (a column bearing_deg holds degrees)" if column == "bearing" else "degrees"
+    check_turn(where, value, expected=f"{unit} within one turn as {column}", turn=TURNS[column])
     return math.radians(value) if column == "bearing_deg" else value
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import zipfile
 import zlib
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from bearslam.data.checks import IntArray
 from bearslam.errors import InvalidInputError
 from bearslam.io.atomic import replacing
+from bearslam.io.bounded import LARGEST_FILE, read_bounded
 from bearslam.io.endings import ending_of
 from bearslam.montecarlo.grid import Grid
 from bearslam.montecarlo.result import Result
@@ -84,7 +86,7 @@ def _write_npz(result: Result, file: BinaryIO) -> None:
 
 def _read(file: BinaryIO, name: str) -> Result:
     """The result in a file of that name."""
-    entries = _entries(file.read(), name)
+    entries = _entries(read_bounded(file, name, text=False), name)
     if str(entries["format"]) != FORMAT:
         raise InvalidInputError(f"{name}: expected the format {FORMAT!r}, got {str(entries['format'])!r}")
     layouts = entries["layout"].tolist()
@@ -119,7 +121,11 @@ def _read(file: BinaryIO, name: str) -> Result:
 def _entries(data: bytes, name: str) -> dict[str, NDArray[Any]]:
     try:
         with np.lib.npyio.NpzFile(io.BytesIO(data), allow_pickle=False) as archive:
+            for entry in ENTRIES:
+                _check_size(archive, entry, name)
             entries = {entry: archive[entry] for entry in ENTRIES}
+    except InvalidInputError:
+        raise
     except KeyError as error:
         raise InvalidInputError(f"{name}: expected the result of a sweep: {error.args[0]}") from None
     except (
@@ -142,6 +148,24 @@ def _entries(data: bytes, name: str) -> dict[str, NDArray[Any]]:
                 f"got {array.dtype.kind!r} and {array.ndim}"
             )
     return entries
+
+
+def _check_size(archive: np.lib.npyio.NpzFile, entry: str, name: str) -> None:
+    """Refuse an array that is larger than a file may be, or than what follows its header, before memory is taken."""
+    assert archive.zip is not None
+    member = f"{entry}.npy"
+    if member not in archive.zip.namelist():
+        return  # which reading it tells
+    with archive.zip.open(member) as file:
+        version = np.lib.format.read_magic(file)
+        header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = header(file)
+        size = math.prod(shape) * kind.itemsize
+        follows = archive.zip.getinfo(member).file_size - file.tell()
+    if size > min(follows, LARGEST_FILE):
+        raise InvalidInputError(
+            f"{name}: expected {entry} of at most {min(follows, LARGEST_FILE)} bytes, got one that declares {size}"
+        )
 
 
 def _tally(counts: IntArray, bins: IntArray, name: str) -> Tally:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, flag, floats, plain, real
+from bearslam.data.checks import FloatArray, angles, flag, floats, plain, real
 from bearslam.data.fix import Fix, fix_from_core
 from bearslam.errors import InvalidInputError
 
@@ -84,7 +84,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     points = floats("landmarks", landmarks, ("n", 2), missing=True)
     table = plain("bearings", bearings)
     single = table.ndim == 1
-    directions = floats("bearings", table, (len(points),) if single else ("m", len(points)), missing=True)
+    directions = angles("bearings", table, (len(points),) if single else ("m", len(points)), missing=True)
     deviation = real("sigma", sigma, 0.0, above=True)
     detailed = flag("details", details)
     rows = directions[None] if single else directions

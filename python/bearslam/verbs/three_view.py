@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, IntArray, choice, floats, whole
+from bearslam.data.checks import FloatArray, IntArray, angles, choice, floats, whole
 from bearslam.errors import InvalidInputError
 
 __all__ = ["ThreeViewBatch", "ThreeViewSolution", "epipoles", "three_view", "three_view_batch", "trifocal_tensor"]
@@ -112,7 +112,7 @@ def three_view(
     Traceback (most recent call last):
     bearslam.errors.DegenerateError: ...
     """
-    array = floats("bearings", bearings, (3, "n"))
+    array = angles("bearings", bearings, (3, "n"))
     choice("method", method, THREE_VIEW_METHODS)
     return [ThreeViewSolution(**raw) for raw in _core.three_view(array, method, whole("reweights", reweights, 0))]
 
@@ -184,7 +184,7 @@ def three_view_batch(
     >>> found.poses.shape, found.landmarks.shape
     ((100, 2, 3, 3), (100, 2, 9, 2))
     """
-    array = floats("bearings", bearings, ("k", 3, "n"))
+    array = angles("bearings", bearings, ("k", 3, "n"))
     needed = LANDMARKS[choice("method", method, THREE_VIEW_METHODS)]
     count, _, landmarks = array.shape
     if landmarks < needed:
@@ -239,7 +239,7 @@ def trifocal_tensor(bearings: ArrayLike, *, method: ThreeViewMethod = "calibrate
     >>> bool(np.abs(np.einsum("ijl,ik,jk,lk->k", tensor, u, v, w)).max() < 1e-12)
     True
     """
-    array = floats("bearings", bearings, (3, "n"))
+    array = angles("bearings", bearings, (3, "n"))
     choice("method", method, THREE_VIEW_METHODS)
     return _core.trifocal_tensor(array, method, whole("reweights", reweights, 0))
 

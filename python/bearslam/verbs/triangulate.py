@@ -8,7 +8,7 @@ from typing import Literal, overload
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, flag, floats, plain, real
+from bearslam.data.checks import FloatArray, angles, flag, floats, plain, real
 from bearslam.data.fix import Fix, fix_from_core
 
 __all__ = ["triangulate"]
@@ -74,7 +74,7 @@ def triangulate(
     known = floats("poses", poses, ("m", 3))
     table = plain("bearings", bearings)
     single = table.ndim == 1
-    directions = floats("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)
+    directions = angles("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)
     deviation = real("sigma", sigma, 0.0, above=True)
     detailed = flag("details", details)
     columns = directions[:, None] if single else directions

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Lines, circles and single places: how far points are from the nearest one.
 
+use crate::adjustment::decompose::symmetric_eigen;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use alloc::vec::Vec;
-use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// A shape that points may have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,7 +121,7 @@ fn circle(points: &[Vector2<f64>]) -> Option<(Vector2<f64>, f64)> {
         left += row * row.transpose();
         right += row * p.norm_squared();
     }
-    let found = SymmetricEigen::try_new(left, f64::EPSILON, 100)?;
+    let found = symmetric_eigen(left)?;
     if !(found.eigenvalues.min() > f64::EPSILON * found.eigenvalues.max()) {
         return None;
     }

@@ -3,6 +3,7 @@
 
 use super::super::options::ShapeOptions;
 use super::normalized_map::{NormalizedMap, median};
+use crate::adjustment::decompose::singular_values;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use alloc::vec::Vec;
@@ -29,9 +30,6 @@ const TOUCHING: f64 = 1e-3;
 /// Singular values below this many square roots of the rounding error are zero: where two solutions merge, exact
 /// bearings give positions with only half the digits.
 const ROOTS: f64 = 8.0;
-
-/// Maximum number of steps of the singular value decomposition per parameter; two are usual.
-const STEPS: usize = 60;
 
 impl Spectrum {
     /// The spectrum of a map; `None` when it is too large, or if the decomposition fails.
@@ -63,21 +61,19 @@ impl Spectrum {
         } else {
             held.resize_vertically(count, 0.0)
         };
-        let found = square.try_svd(false, true, f64::EPSILON, STEPS * count)?;
-        let rows = found.v_t?;
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by(|&a, &b| found.singular_values[a].total_cmp(&found.singular_values[b]));
+        let found = singular_values(&square)?;
         let mut directions = DMatrix::zeros(units.len(), count);
-        for (to, &from) in order.iter().enumerate() {
+        for (to, from) in (0..count).rev().enumerate() {
             let mut column = DVector::zeros(units.len());
-            column.rows_mut(gauge, count).tr_copy_from(&rows.row(from));
+            let right = found.right.column(from);
+            column.rows_mut(gauge, count).copy_from(&right);
             for reflector in reflectors.iter().rev() {
                 reflect(&mut column, reflector);
             }
             directions.set_column(to, &column);
         }
         Some(Self {
-            values: order.iter().map(|&k| found.singular_values[k]).collect(),
+            values: found.values.into_iter().rev().collect(),
             directions,
             scale,
         })
@@ -181,19 +177,16 @@ fn free_gauge(
         }
     }
     let gauge = gauge.qr().q();
-    let Some(held) = (jacobian * &gauge).try_svd(false, true, f64::EPSILON, 1000) else {
-        return Vec::new();
-    };
-    let Some(turns) = held.v_t else {
+    let Some(held) = singular_values(&(jacobian * &gauge)) else {
         return Vec::new();
     };
     let bound = ROOTS * f64::EPSILON.sqrt() * scale;
     let mut reflectors: Vec<DVector<f64>> = Vec::new();
-    for (value, turn) in held.singular_values.iter().zip(turns.row_iter()) {
+    for (value, turn) in held.values.iter().zip(held.right.column_iter()) {
         if *value > bound {
             continue;
         }
-        let mut axis = &gauge * turn.transpose();
+        let mut axis = &gauge * turn;
         for reflector in &reflectors {
             reflect(&mut axis, reflector);
         }
