@@ -83,7 +83,7 @@ fn report(class: &Class, scenes: u64, runs: &[Run], verbose: bool) {
         "| {} | {} | {} | {failures} ({:.2} %) | {silent} | {:.1} | {:.0} | {:.1} |",
         class.name,
         runs.len(),
-        scenes as usize - runs.len(),
+        scenes - runs.len() as u64,
         100.0 * failures as f64 / runs.len().max(1) as f64,
         middle(&times),
         times.last().copied().unwrap_or(f64::NAN),

@@ -329,8 +329,8 @@ fn poor_odometry(seed: u64, worse: f64) -> Instance {
 /// so much a view in either direction. Its bearings are better than they say.
 fn standing(seed: u64, drift: f64) -> Instance {
     let mut world = World::new(seed, 0.1);
-    let views = [10, 20, 60][seed as usize % 3];
-    let hop = if seed % 2 == 0 { 0.1 } else { 0.0 };
+    let views = [10, 20, 60][of(seed, 3)];
+    let hop = if seed.is_multiple_of(2) { 0.1 } else { 0.0 };
     let drift = if seed % 4 < 2 { drift } else { -drift };
     let heading = world.heading();
     world.poses = (0..views)
@@ -478,7 +478,7 @@ fn anchors(seed: u64) -> Instance {
         let heading = world.heading();
         world.poses.push(pose(x, y, heading));
     }
-    let tags = 3 + seed as usize % 4;
+    let tags = 3 + of(seed, 4);
     world.landmarks = (0..tags).map(|_| world.point(10.0, 8.0)).collect();
     let sigma = world.noise;
     let sightings = world.sightings(|_, _| true, sigma);
@@ -493,7 +493,7 @@ fn anchors(seed: u64) -> Instance {
 /// A corridor of 20 m with 20 landmarks on its walls; a view sees those up to 7 m away.
 fn corridor(seed: u64) -> Instance {
     let mut world = World::new(seed, 0.8);
-    let views = 7 + seed as usize % 5;
+    let views = 7 + of(seed, 5);
     for view in 0..views {
         let (side, heading) = (0.3 * world.normal(), 0.2 * world.normal());
         let along = 20.0 * (view as f64 + 0.5) / views as f64;
@@ -569,4 +569,9 @@ fn chain(seed: u64) -> Instance {
     let sightings = world.sightings(|view, landmark| seen[view * 40 + landmark], sigma);
     let problem = world.problem(&sightings);
     world.instance(problem, sightings)
+}
+
+/// A number below `count` that goes round with the seed.
+fn of(seed: u64, count: u64) -> usize {
+    usize::try_from(seed % count).expect("a small number")
 }

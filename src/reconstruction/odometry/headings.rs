@@ -8,6 +8,8 @@
 use super::super::robust::motions::Motions;
 use super::known::Known;
 use super::options::HeadingOptions;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
 use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
