@@ -273,13 +273,15 @@ pub fn size(map: &Map) -> f64 {
 pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOptions) -> Vec<f64> {
     let most = found.iter().map(|found| found.freedom).max().unwrap_or(0);
     let telling = found.iter().filter(|found| 2 * found.freedom >= most);
-    let floor = if is_stated(problem) {
-        1.0
+    let expected = options.expected_noise * options.expected_noise;
+    // Where no map fits the stated standard deviations, what a map leaves out must not cost more than what it explains badly.
+    let (floor, ceiling) = if is_stated(problem) {
+        (1.0, options.rival_ratio.max(1.0))
     } else {
-        options.expected_noise * options.expected_noise
+        (expected, f64::INFINITY)
     };
     let noise = telling.map(variance).fold(f64::INFINITY, f64::min);
-    let noise = noise.max(floor);
+    let noise = noise.max(floor).min(ceiling);
     let outlier = 0.5 * Loss::<f64>::TRUNCATED * Loss::<f64>::TRUNCATED;
     let each = outlier * options.rival_ratio * noise;
     let prior_numbers = |found: &Reconstruction| gauge_and_prior_numbers(problem, &found.map).1;
@@ -324,6 +326,7 @@ pub fn choose(
             best.alternatives.push(rival);
         }
     }
+    best.alternatives.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     Ok(best)
 }
 

@@ -215,7 +215,7 @@ impl Attempts<'_, '_> {
         }
     }
 
-    /// The best of what has been found, with its rivals; those that have not converged go on before, as far as they may
+    /// The best of what has been found; those that have not converged go on before, as far as they may
     /// become the best.
     fn best(&mut self) -> Result<Option<Reconstruction>, Error> {
         let stages = &self.options.stages;
@@ -240,19 +240,16 @@ impl Attempts<'_, '_> {
             return Ok(None);
         }
         let mut best = choose(self.problem, found, &stages.judge)?;
+        best.alternatives.clear();
         if !self.many {
             best = self.with_landmarks_moved(best)?;
         }
-        let alternatives = core::mem::take(&mut best.alternatives);
-        best = self.without_landmarks_behind(best)?;
-        best.alternatives = alternatives;
-        Ok(Some(best))
+        Ok(Some(self.without_landmarks_behind(best)?))
     }
 
     /// A map with single landmarks in other places, as long as that makes it better.
     fn with_landmarks_moved(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
         let stages = &self.options.stages;
-        let alternatives = core::mem::take(&mut best.alternatives);
         for _ in 0..stages.minima.move_rounds {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
@@ -280,7 +277,6 @@ impl Attempts<'_, '_> {
                 break;
             }
         }
-        best.alternatives = alternatives;
         Ok(best)
     }
 
