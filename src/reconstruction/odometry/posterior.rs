@@ -301,8 +301,10 @@ impl Attempts<'_, '_> {
         let alone = self.problem.clone().bearings_only();
         let best = if self.options.robust {
             solve_robust(&alone, self.options, self.progress)
-        } else {
+        } else if self.many {
             strategy::lowest(&alone, self.options, self.progress)
+        } else {
+            strategy::solve(&alone, self.options, self.progress)
         };
         let best = match recoverable(best)? {
             Ok(best) => best,
