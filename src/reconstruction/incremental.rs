@@ -2,15 +2,17 @@
 //! Incremental reconstruction under limited sight: view by view from several seeds, one component after another.
 
 pub(crate) mod complete;
-mod gates;
-mod growth;
-mod merge;
+pub(crate) mod gates;
+pub(crate) mod growth;
+mod least_squares;
+pub(crate) mod merge;
 pub(crate) mod options;
 mod place;
 mod seeds;
 
 use super::incremental::complete::finish;
-use super::incremental::growth::IncrementalGrowth;
+use super::incremental::growth::{IncrementalGrowth, PlaceEstimator};
+use super::incremental::least_squares::LeastSquaresPlaces;
 use super::incremental::merge::{best, merge, views};
 use super::judge::{JudgeOptions, SAME_COST, is_as_good, is_plausible, same, variance};
 use super::options::{Progress, SolveOptions};
@@ -85,7 +87,7 @@ pub fn first(
         .into_iter()
         .take(options.stages.incremental.seeds)
     {
-        if let Some(map) = from_seed(problem, options, views, &free, progress)?
+        if let Some(map) = from_views(problem, options, views, &free, progress)?
             .into_iter()
             .next()
         {
@@ -124,7 +126,7 @@ fn component(
         for view in views {
             used[view] = true;
         }
-        for map in from_seed(problem, options, views, free, progress)? {
+        for map in from_views(problem, options, views, free, progress)? {
             let Some(map) = finish(problem, &first, map, free, progress)? else {
                 continue;
             };
@@ -155,22 +157,39 @@ fn component(
     Ok(best(problem, stage, found))
 }
 
-/// The maps that a seed grows to: one, or two when neither branch is clearly better.
-fn from_seed(
+/// The maps that a seed grows to by least squares.
+fn from_views(
     problem: &Problem,
     options: &SolveOptions,
     views: [usize; 3],
     free: &[bool],
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
+    let estimator =
+        || LeastSquaresPlaces::new(problem, &options.stages.incremental, &options.refine);
+    let branches = seeds::begin(problem, views);
+    from_seed(problem, options, branches, estimator, free, progress)
+}
+
+/// The maps that the branches of a seed grow to: one, or two when neither is clearly better.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+pub fn from_seed<E: PlaceEstimator>(
+    problem: &Problem,
+    options: &SolveOptions,
+    branches: Vec<Map>,
+    estimator: impl Fn() -> E,
+    free: &[bool],
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Map>, Error> {
     let stage = &options.stages.incremental;
     let mut growths = Vec::new();
-    for map in seeds::begin(problem, views) {
-        if let Some(mut growth) = IncrementalGrowth::new(problem, options, free, map)? {
+    for map in branches {
+        if let Some(mut growth) = IncrementalGrowth::new(problem, options, estimator(), free, map)?
+        {
             growth.grow(stage.views_before_choice, progress)?;
-            let noise = growth.noise();
-            let variance = noise * noise;
-            growths.push((growth.reached(), variance, growth));
+            growths.push((growth.reached(), growth.variance(), growth));
         }
     }
     growths.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));

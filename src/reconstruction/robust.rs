@@ -7,13 +7,20 @@
 //! (`consensus`). The search ends when seeds from two triples of views have led to the lowest minimum. That
 //! one is improved by changing sightings, views and landmarks one at a time (`exchange`, `reassign`), and
 //! confirmed by the non-robust search over its inliers.
+//!
+//! Under limited sight a map grows view by view instead (`growth`, `consensus_places`), parts of it are grown again
+//! (`regrow`), and sightings are exchanged view by view (`toggle`).
 
 pub(crate) mod consensus;
+mod consensus_places;
 mod exchange;
 pub(crate) mod expand;
+mod growth;
 pub(crate) mod motions;
 pub(crate) mod options;
 pub(crate) mod place;
 pub(crate) mod reassign;
+mod regrow;
 mod sampling;
 pub(crate) mod solve;
+mod toggle;

@@ -17,7 +17,7 @@ use super::odometry::options::{
     HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions,
     RobustGrowthOptions, StrideOptions,
 };
-use super::robust::options::RobustOptions;
+use super::robust::options::{RegrowthOptions, RobustOptions};
 use super::search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
 use super::sight::SightOptions;
 
@@ -67,6 +67,8 @@ pub struct StageOptions {
     pub infinity: InfinityOptions,
     /// Bearings with outliers: [`SolveOptions::robust`](crate::SolveOptions::robust).
     pub robust: RobustOptions,
+    /// Which parts of a map with outliers are grown again under limited sight.
+    pub regrowth: RegrowthOptions,
     /// Which starts are tried with odometry or priors.
     pub posterior: PosteriorOptions,
     /// Growth along odometry, of both kinds.

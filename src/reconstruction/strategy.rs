@@ -18,7 +18,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The strategy that is effective: the search gives way to growth under limited sight.
-fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
+pub fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
     match options.strategy {
         Strategy::Search if is_limited(problem, &options.stages.sight) => Strategy::Incremental,
         other => other,

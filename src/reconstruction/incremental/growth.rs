@@ -7,36 +7,56 @@
 
 use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
-use super::gates::{Fit, noise, range_variance};
 use super::options::IncrementalOptions;
-use super::place;
 use crate::error::Error;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::geometry::Pose;
 use crate::lm::RefineOptions;
-use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
+use crate::problem::{Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
+/// How a growing map places views and landmarks, and which it keeps: by least squares, or robustly where bearings may
+/// be wrong.
+pub trait PlaceEstimator {
+    /// Options of the refinements on the way.
+    fn refine_options(&self) -> RefineOptions;
+
+    /// Learns the noise from the residuals of a map.
+    fn observe(&mut self, _map: &Map) {}
+
+    /// The mean square of the residuals of a map, by which the branches of a seed are told apart.
+    fn variance(&self, map: &Map) -> f64;
+
+    /// The pose of a view if it passes the gate of this index, and how well the map determines it: one over the
+    /// standard deviation of its heading.
+    fn place_view(&mut self, map: &Map, view: usize, gate: usize) -> Option<(Pose<f64>, f64)>;
+
+    /// The position of a landmark if it passes the gates.
+    fn place_landmark(&mut self, map: &Map, landmark: usize) -> Option<Point2<f64>>;
+
+    /// Whether a view of a refined map still fits.
+    fn keeps_view(&self, map: &Map, view: usize, pose: &Pose<f64>) -> bool;
+
+    /// Whether a landmark of a refined map still fits.
+    fn keeps_landmark(&self, map: &Map, landmark: usize, point: &Point2<f64>) -> bool;
+}
+
 /// A growing map.
-pub struct IncrementalGrowth<'a> {
+pub struct IncrementalGrowth<'a, E> {
     problem: &'a Problem,
     options: &'a IncrementalOptions,
-    refine: &'a RefineOptions,
+    estimator: E,
     /// Views that may be added.
     allowed: &'a [bool],
     pub map: Map,
-    /// Expected root mean square of residuals over sigma.
-    noise: f64,
     /// How often each view has been removed.
     thrown: Vec<u8>,
     /// Index of the current gate.
     level: usize,
 }
 
-impl<'a> IncrementalGrowth<'a> {
+impl<'a, E: PlaceEstimator> IncrementalGrowth<'a, E> {
     /// Starts from poses without landmarks; `None` when the first refinement fails.
     ///
     /// # Errors
@@ -44,23 +64,23 @@ impl<'a> IncrementalGrowth<'a> {
     pub fn new(
         problem: &'a Problem,
         options: &'a SolveOptions,
+        estimator: E,
         allowed: &'a [bool],
         map: Map,
     ) -> Result<Option<Self>, Error> {
         let mut growth = Self {
             problem,
             options: &options.stages.incremental,
-            refine: &options.refine,
+            estimator,
             allowed,
-            noise: 0.0,
             thrown: vec![0; map.poses.len()],
             map,
             level: 0,
         };
         // Nothing is known of the noise of a map without landmarks but what is expected of any.
-        growth.noise = noise(problem, &growth.map, growth.options);
+        growth.estimator.observe(&growth.map);
         growth.triangulate();
-        growth.noise = noise(problem, &growth.map, growth.options);
+        growth.estimator.observe(&growth.map);
         Ok(growth.refine(&mut None)?.then_some(growth))
     }
 
@@ -69,9 +89,9 @@ impl<'a> IncrementalGrowth<'a> {
         self.map.poses.iter().flatten().count()
     }
 
-    /// Expected root mean square of residuals over sigma.
-    pub fn noise(&self) -> f64 {
-        self.noise
+    /// The mean square of its residuals.
+    pub fn variance(&self) -> f64 {
+        self.estimator.variance(&self.map)
     }
 
     /// Grows until the map has `enough` views or nothing more can be reached.
@@ -109,7 +129,7 @@ impl<'a> IncrementalGrowth<'a> {
             if self.map.poses[view].is_none()
                 && self.allowed[view]
                 && self.thrown[view] < self.options.returns
-                && let Some((pose, held)) = self.place_view(view)
+                && let Some((pose, held)) = self.estimator.place_view(&self.map, view, self.level)
             {
                 found.push((held, view, pose));
             }
@@ -123,58 +143,27 @@ impl<'a> IncrementalGrowth<'a> {
         found.len()
     }
 
-    /// The pose of a view if it passes the gates, and how well it is determined: one over the standard
-    /// deviation of its heading at the current noise.
-    fn place_view(&self, view: usize) -> Option<(Pose<f64>, f64)> {
-        if self.map.connections_of_view(self.problem, view)
-            < self.options.landmarks_of_view[self.level]
-        {
-            return None;
-        }
-        let (found, pose, fit) = place::place_view(self.problem, &self.map, view)?;
-        let count = fit.count as f64;
-        let weight = self.problem.of_view(view)[0].weight;
-        let held = found.gap * count.sqrt() * weight / self.noise;
-        let last = self.level + 1 == self.options.gates.len();
-        let fits = fit.passes(
-            MIN_LANDMARKS_OF_VIEW,
-            self.noise,
-            self.options.gates[self.level],
-        );
-        (fits && (last || held * self.options.max_deviation > 1.0)).then_some((pose, held))
-    }
-
     /// Adds the landmarks that the views determine.
     fn triangulate(&mut self) {
         for landmark in 0..self.map.landmarks.len() {
             if self.map.landmarks[landmark].is_none() {
-                self.map.landmarks[landmark] = self.place_landmark(landmark);
+                self.map.landmarks[landmark] = self.estimator.place_landmark(&self.map, landmark);
             }
         }
-    }
-
-    /// The position of a landmark if it passes the gates.
-    fn place_landmark(&self, landmark: usize) -> Option<Point2<f64>> {
-        let (point, fit) = place::place_landmark(self.problem, &self.map, landmark)?;
-        let variance = range_variance(self.problem, &self.map, landmark, &point);
-        let bound = self.options.max_deviation / self.noise;
-        (fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, self.options.gates[0])
-            && variance < bound * bound)
-            .then_some(point)
     }
 
     /// Refines the whole map for a few iterations; `false` when it cannot be refined.
     fn refine(&mut self, progress: &mut Option<Progress<'_>>) -> Result<bool, Error> {
         let (reached, total) = (self.reached(), self.map.poses.len());
         let mut observer = |_, _| report_progress(progress, "grow", reached, total);
-        let refine = *self.refine;
+        let refine = self.estimator.refine_options();
         let options = RefineOptions {
             max_iterations: refine.max_iterations.min(self.options.growing_iterations),
             ..refine
         };
         let report = attempt(self.problem, &mut self.map, &options, Some(&mut observer))?;
         if report.is_some() {
-            self.noise = noise(self.problem, &self.map, self.options);
+            self.estimator.observe(&self.map);
         }
         Ok(report.is_some())
     }
@@ -185,18 +174,17 @@ impl<'a> IncrementalGrowth<'a> {
             let Some(point) = self.map.landmarks[landmark] else {
                 continue;
             };
-            let fit = Fit::of_landmark(self.problem, &self.map, landmark, &point);
-            if !fit.passes(MIN_VIEWS_OF_LANDMARK, self.noise, self.options.gates[0]) {
-                self.map.landmarks[landmark] = self.place_landmark(landmark);
+            if !self.estimator.keeps_landmark(&self.map, landmark, &point) {
+                self.map.landmarks[landmark] = self.estimator.place_landmark(&self.map, landmark);
             }
         }
         for view in 0..self.map.poses.len() {
             let Some(pose) = self.map.poses[view] else {
                 continue;
             };
-            let fit = Fit::of_view(self.problem, &self.map, view, &pose);
-            if !fit.passes(MIN_LANDMARKS_OF_VIEW, self.noise, self.options.gates[0]) {
-                self.map.poses[view] = self.place_view(view).map(|(pose, _)| pose);
+            if !self.estimator.keeps_view(&self.map, view, &pose) {
+                let placed = self.estimator.place_view(&self.map, view, self.level);
+                self.map.poses[view] = placed.map(|(pose, _)| pose);
                 self.thrown[view] += u8::from(self.map.poses[view].is_none());
             }
         }

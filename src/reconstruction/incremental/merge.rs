@@ -106,7 +106,7 @@ fn joined(
 ///
 /// Two shared landmarks determine the similarity without redundancy; the check is the cost of the refined
 /// whole.
-fn merged(
+pub fn merged(
     problem: &Problem,
     options: &IncrementalOptions,
     first: &Map,

@@ -147,8 +147,6 @@ pub struct OdometrySweepOptions {
     /// Another round follows when the last one lowered the cost by more than this: the cost of an outlier. Not
     /// sensitive.
     pub worth: f64,
-    /// Tolerance of the refinement with Cauchy's loss: it only has to identify the inliers. Not sensitive.
-    pub cauchy_tolerance: f64,
     /// Bounds, in standard deviations, that are each tried once for the selection of inliers: narrow ones exclude
     /// outliers that have bent the map, wide ones readmit good bearings that such outliers have pushed out. Not
     /// sensitive.
@@ -161,7 +159,6 @@ impl Default for OdometrySweepOptions {
         Self {
             rounds: 10,
             worth: outlier * outlier / 2.0,
-            cauchy_tolerance: 1e-5,
             bounds: [2.0, 4.5, 9.0, 20.0],
         }
     }

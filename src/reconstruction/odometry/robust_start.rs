@@ -8,20 +8,21 @@
 use super::super::grow::score;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
+use super::super::robust::consensus::{cauchy_consensus, with_cauchy, with_squares};
 use super::super::robust::expand::extend;
 use super::super::robust::motions::{OdometryLink, moved};
 use super::super::robust::options::RobustOptions;
 use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
-use super::super::robust::solve::{check_sigmas, reconstruction, with_squares};
+use super::super::robust::solve::{check_sigmas, reconstruction};
 use super::super::stages::StageOptions;
 use super::frames::{Shared, laid_over};
 use super::growth::{Placement, grow_from_priors};
-use super::sweeps::{cauchy_consensus, sweep_odometry};
+use super::sweeps::sweep_odometry;
 use crate::error::Error;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
-use crate::lm::{Loss, RefineOptions};
+use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand::SeedableRng;
@@ -43,13 +44,7 @@ pub fn robust_starts(
     check_sigmas(problem)?;
     let mut placement = RobustPlacement {
         problem,
-        options: SolveOptions {
-            refine: RefineOptions {
-                loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
-                ..options.refine
-            },
-            ..*options
-        },
+        options: with_cauchy(options),
         random: ChaCha8Rng::seed_from_u64(options.seed),
     };
     grow_from_priors(problem, &mut placement, seeds, &options.stages, progress)

@@ -5,35 +5,14 @@
 //! few outliers and the odometry agree. Once all landmarks are known, a sweep places all views again, one after the
 //! other, by all of their landmarks. Sweeps from the two ends give different poses where it matters.
 
-use super::super::attempt::attempt;
 use super::super::options::{Progress, SolveOptions, report_progress};
-use super::super::robust::consensus::{Consensus, fixed_point, inliers, to_consensus};
+use super::super::robust::consensus::{Consensus, cauchy_consensus, fixed_point, inliers};
 use super::super::robust::motions::{Motions, moved};
 use super::super::robust::reassign::{reassign, reestimate_each};
 use crate::error::Error;
-use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
-
-/// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
-///
-/// # Errors
-/// Those of the refinement.
-pub fn cauchy_consensus(
-    problem: &Problem,
-    mut map: Map,
-    options: &SolveOptions,
-) -> Result<Option<Consensus>, Error> {
-    let soft = RefineOptions {
-        loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
-        tolerance: options.stages.odometry_sweeps.cauchy_tolerance,
-        ..options.refine
-    };
-    // If the whole cannot be refined, its inliers may still be.
-    attempt(problem, &mut map, &soft, None)?;
-    to_consensus(problem, map, options)
-}
 
 /// Places all views again along the odometry, forwards and backwards, as long as that lowers the cost; then
 /// tries other bounds for the inliers.

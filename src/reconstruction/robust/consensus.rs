@@ -24,6 +24,28 @@ pub const OUTLIER: f64 = Loss::<f64>::TRUNCATED;
 /// refinement. Not an option: closer costs are equal up to rounding.
 const LOWER: f64 = 1.0 - 1e-9;
 
+/// The options with squares for the loss: outliers are told apart by this stage, and what is left counts in full.
+pub fn with_squares(options: &SolveOptions) -> SolveOptions {
+    SolveOptions {
+        refine: RefineOptions {
+            loss: Loss::Squared,
+            ..options.refine
+        },
+        ..*options
+    }
+}
+
+/// The options with Cauchy's loss, which outliers hardly move, for the refinements on the way.
+pub fn with_cauchy(options: &SolveOptions) -> SolveOptions {
+    SolveOptions {
+        refine: RefineOptions {
+            loss: Loss::Cauchy(Loss::<f64>::CAUCHY),
+            ..options.refine
+        },
+        ..*options
+    }
+}
+
 /// A map at a fixed point: the refinement of its inliers.
 #[derive(Clone)]
 pub struct Consensus {
@@ -122,7 +144,13 @@ pub fn fixed_point(
 ) -> Result<Option<Consensus>, Error> {
     for _ in 0..options.stages.robust.inlier_changes {
         let subset = problem.subset(&kept);
-        let Some(report) = refined(&subset, &mut map, usize::MAX, options)? else {
+        let Some(report) = refined(
+            &subset,
+            &mut map,
+            options.stages.robust.finished_iterations,
+            options,
+        )?
+        else {
             return Ok(None);
         };
         let next = inliers(problem, &map, OUTLIER);
@@ -155,6 +183,24 @@ pub fn to_consensus(
     }
     let kept = inliers(problem, &map, OUTLIER);
     fixed_point(problem, map, kept, options)
+}
+
+/// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
+///
+/// # Errors
+/// Those of the refinement.
+pub fn cauchy_consensus(
+    problem: &Problem,
+    mut map: Map,
+    options: &SolveOptions,
+) -> Result<Option<Consensus>, Error> {
+    let soft = RefineOptions {
+        tolerance: options.stages.robust.cauchy_tolerance,
+        ..with_cauchy(options).refine
+    };
+    // If the whole cannot be refined, its inliers may still be.
+    attempt(problem, &mut map, &soft, None)?;
+    to_consensus(problem, map, options)
 }
 
 impl Consensus {

@@ -33,6 +33,15 @@ pub struct RobustOptions {
     /// Non-robust hypotheses that are refined when no three views share enough landmarks for a sample. Not sensitive.
     pub plain_hypotheses: usize,
 
+    /// Under limited sight, triples of views from which samples are drawn for each view, at least `all_triples` and at
+    /// most `most_triples` in all.
+    pub triples_per_view: usize,
+    /// Maximum number of those triples.
+    pub most_triples: usize,
+    /// Under limited sight, bounds within which a bearing agrees with a new view; the next where no view passes: drift
+    /// along a loop is larger than the errors of its parts.
+    pub gates: [f64; 3],
+
     /// Sampson error over its standard deviation up to which a landmark agrees with the tensor of a sample. Wide,
     /// because that tensor is no better than its five landmarks. Not sensitive.
     pub sample_bound: f64,
@@ -65,6 +74,11 @@ pub struct RobustOptions {
     pub narrowing_bounds: [f64; 2],
     /// Iterations of refinement at each of them. Not sensitive.
     pub narrowing_iterations: usize,
+    /// Tolerance of refinements with Cauchy's loss: they only have to identify the inliers. Not sensitive.
+    pub cauchy_tolerance: f64,
+    /// Most iterations of a refinement between two changes of the set of inliers: what takes more is a wrong map, or goes
+    /// on when it has become the best.
+    pub finished_iterations: usize,
     /// Maximum number of changes of the set of inliers. Each lowers the cost, so they end by themselves, usually after
     /// two or three. Not sensitive.
     pub inlier_changes: usize,
@@ -76,6 +90,14 @@ pub struct RobustOptions {
     pub exchange_tries: usize,
     /// Maximum number of successful exchanges. Not sensitive.
     pub exchange_successes: usize,
+
+    /// Under limited sight, maximum number of views of maps in which single sightings, views and landmarks are exchanged:
+    /// that work is quadratic in the views.
+    pub improved_views: usize,
+    /// Maximum number of rounds of such exchanges: each lowers the cost, so they end by themselves.
+    pub improve_rounds: usize,
+    /// Sightings up to this many standard deviations are changed one at a time, with everything else held fixed.
+    pub toggled: f64,
 
     /// Maximum number of Gauss-Newton steps for one view along its motion; three unknowns need a few. Not sensitive.
     pub motion_steps: usize,
@@ -109,6 +131,9 @@ impl Default for RobustOptions {
             exchanged: 3,
             rival_cost: 9.0,
             plain_hypotheses: 6,
+            triples_per_view: 2,
+            most_triples: 1000,
+            gates: [9.0, 9.0, 18.0],
             sample_bound: 6.0,
             narrower_bounds: [6.0, 4.5, 3.0],
             kept_samples: 3,
@@ -121,10 +146,15 @@ impl Default for RobustOptions {
             growing_iterations: 4,
             narrowing_bounds: [6.0, 4.0],
             narrowing_iterations: 4,
+            cauchy_tolerance: 1e-5,
+            finished_iterations: 100,
             inlier_changes: 30,
             promising: 4.0,
             exchange_tries: 16,
             exchange_successes: 20,
+            improved_views: 100,
+            improve_rounds: 10,
+            toggled: 9.0,
             motion_steps: 10,
             reassign_bounds: [3.0, 9.0],
             places: 4,
@@ -132,6 +162,42 @@ impl Default for RobustOptions {
             reassign_tries: 24,
             changes_with_odometry: 3,
             reassign_rounds: 10,
+        }
+    }
+}
+
+/// Options of the removal and growth of parts of a map with outliers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct RegrowthOptions {
+    /// Maximum number of maps, those of the lowest cost, of which parts are grown again.
+    pub maps: usize,
+    /// Tries in a row without success that are the last, times the square of the number of views, as which the work of
+    /// one grows: 150 with 20 views, none beyond 244.
+    pub work: usize,
+    /// Maximum number of tries in all, as a multiple of that.
+    pub successes: usize,
+    /// Maximum number of views that are removed in a try.
+    pub part: usize,
+    /// Iterations of the first refinement of a try.
+    pub iterations: usize,
+    /// Rounds in which everything is placed anew before the cost of a try is judged.
+    pub rounds: usize,
+    /// How much worse than the best a try may be by then to be refined to the end, in costs of an outlier.
+    pub worse_outliers: f64,
+}
+
+impl Default for RegrowthOptions {
+    fn default() -> Self {
+        Self {
+            maps: 3,
+            work: 60_000,
+            successes: 4,
+            part: 16,
+            iterations: 8,
+            rounds: 3,
+            worse_outliers: 5.0,
         }
     }
 }

@@ -25,33 +25,12 @@ pub fn reestimate_each(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
     let robust = &options.stages.robust;
-    let motions = Motions::new(problem);
-    // `place_view` ignores odometry: compare with the motions of the view included.
-    let is_better = |map: &Map, view: usize, place: &Pose<f64>| {
-        let cost_at = |at: &Pose<f64>| motions.cost(problem, map, view, at);
-        let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
-        present.is_none_or(|present| cost_at(place) < cost_at(&present))
-    };
     for round in 0..robust.reassign_rounds {
         if !report_progress(progress, "replace", round, robust.reassign_rounds) {
             return Err(Error::Interrupted);
         }
         let mut map = best.map.clone();
-        for view in 0..problem.views() {
-            if let Some(placed) =
-                place_view(problem, &map, view, OUTLIER, 1, robust, random).first()
-                && is_better(&map, view, &placed.place)
-            {
-                map.poses[view] = Some(placed.place);
-            }
-        }
-        for landmark in 0..problem.landmarks() {
-            if let Some(placed) =
-                place_landmark(problem, &map, landmark, OUTLIER, 1, robust, random).first()
-            {
-                map.landmarks[landmark] = Some(placed.place);
-            }
-        }
+        place_each(problem, &mut map, robust, random);
         let kept = inliers(problem, &map, OUTLIER);
         if kept == best.inliers {
             break;
@@ -62,6 +41,33 @@ pub fn reestimate_each(
         }
     }
     Ok(best)
+}
+
+/// Moves each view, then each landmark, to where most of its sightings agree with the others.
+pub fn place_each(
+    problem: &Problem,
+    map: &mut Map,
+    options: &RobustOptions,
+    random: &mut ChaCha8Rng,
+) {
+    let motions = Motions::new(problem);
+    for view in 0..problem.views() {
+        if let Some(placed) = place_view(problem, map, view, OUTLIER, 1, options, random).first() {
+            // `place_view` ignores odometry: compare with the motions of the view included.
+            let cost_at = |at: &Pose<f64>| motions.cost(problem, map, view, at);
+            let present = map.poses[view].filter(|_| !motions.of(view).is_empty());
+            if present.is_none_or(|present| cost_at(&placed.place) < cost_at(&present)) {
+                map.poses[view] = Some(placed.place);
+            }
+        }
+    }
+    for landmark in 0..problem.landmarks() {
+        if let Some(placed) =
+            place_landmark(problem, map, landmark, OUTLIER, 1, options, random).first()
+        {
+            map.landmarks[landmark] = Some(placed.place);
+        }
+    }
 }
 
 /// A place for a view or a landmark.

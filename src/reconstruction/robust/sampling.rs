@@ -4,7 +4,7 @@
 //! The trilinear relation (T1) depends on bearings modulo pi only, so a bearing that is off by pi is no
 //! outlier here; signs are checked later.
 
-use super::super::search::triples::common_bearings;
+use super::super::search::triples::{are_rivals, common_bearings};
 use super::options::RobustOptions;
 use crate::kernels::{CalibratedTensor, Motion, Triple};
 use crate::problem::Problem;
@@ -33,6 +33,14 @@ pub struct Seed {
     pub motions: [Motion<f64>; 2],
     /// Number of landmarks that agree, each weighted by how well it fits.
     pub support: f64,
+}
+
+impl Seed {
+    /// The motions that are worth growing: both, unless the signs of the bearings decide.
+    pub fn branches(&self, problem: &Problem) -> impl Iterator<Item = &Motion<f64>> {
+        let rivals = are_rivals(problem, &self.motions, 2 * self.landmarks.len());
+        self.motions.iter().take(1 + usize::from(rivals))
+    }
 }
 
 impl Common {

@@ -4,19 +4,19 @@
 use super::super::attempt::recoverable;
 use super::super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::super::judge::{assess, refuse_chance, refuse_free};
-use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
+use super::super::options::{Progress, SearchOptions, SolveOptions, Strategy, report_progress};
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
-use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus};
+use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus, with_squares};
 use super::exchange::exchange;
 use super::expand::expand;
+use super::growth::grow;
 use super::options::RobustOptions;
 use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
+use super::toggle::toggle;
 use crate::error::{Degeneracy, Error};
-use crate::kernels::Motion;
-use crate::lm::{Loss, RefineOptions};
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -40,6 +40,12 @@ pub fn solve_robust(
     let options = &with_squares(options);
     let stages = &options.stages;
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+    if strategy::effective(problem, options) == Strategy::Incremental {
+        let found = grow(problem, options, &mut random, progress)?;
+        if !found.is_empty() {
+            return with_components(problem, found, options, &mut random, progress);
+        }
+    }
     let best = lowest(problem, options, &mut random, progress)?;
     let best = improve(problem, best, options, &mut random, progress)?;
     let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
@@ -56,15 +62,26 @@ pub fn solve_robust(
     Ok(found)
 }
 
-/// The options with squares for the loss: outliers are told apart by this stage, and what is left counts in full.
-pub fn with_squares(options: &SolveOptions) -> SolveOptions {
-    SolveOptions {
-        refine: RefineOptions {
-            loss: Loss::Squared,
-            ..options.refine
-        },
-        ..*options
+/// The first of some components, improved, with the others.
+fn with_components(
+    problem: &Problem,
+    mut found: Vec<Consensus>,
+    options: &SolveOptions,
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let stages = &options.stages;
+    let mut first = toggle(problem, found.remove(0), options)?;
+    if problem.views() <= stages.robust.improved_views {
+        first = improve(problem, first, options, random, progress)?;
     }
+    let main = reconstruction(problem, &first, &stages.infinity);
+    refuse_free(&problem.subset(&first.inliers), &main)?;
+    refuse_chance(&main, &stages.judge)?;
+    let others = found.iter();
+    let others = others.map(|found| reconstruction(problem, found, &stages.infinity));
+    let maps = core::iter::once(main).chain(others).collect();
+    strategy::with_components(problem, maps).ok_or(NOTHING)
 }
 
 /// No seed has led to a map.
@@ -128,7 +145,7 @@ fn lowest(
             if !report_progress(progress, "grow", done, robust.grown) {
                 return Err(Error::Interrupted);
             }
-            for motion in branches(problem, seed) {
+            for motion in seed.branches(problem) {
                 let map = expand(problem, seed, motion, options, random)?;
                 let Some(consensus) = to_consensus(problem, map, options)? else {
                     continue;
@@ -226,15 +243,6 @@ fn best_of<S: core::borrow::Borrow<Consensus>>(found: impl Iterator<Item = S>) -
         .ok_or(NOTHING)
 }
 
-/// The motions of a seed that are worth growing: both, unless the signs of the bearings decide.
-fn branches<'a>(
-    problem: &Problem,
-    seed: &'a Seed,
-) -> impl Iterator<Item = &'a Motion<f64>> + use<'a> {
-    let rivals = triples::are_rivals(problem, &seed.motions, 2 * seed.landmarks.len());
-    seed.motions.iter().take(1 + usize::from(rivals))
-}
-
 /// Lowers the cost of the best map by single changes until none helps.
 fn improve(
     problem: &Problem,
@@ -243,8 +251,9 @@ fn improve(
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
-    loop {
-        if !report_progress(progress, "improve", 0, 1) {
+    let rounds = options.stages.robust.improve_rounds;
+    for round in 0..rounds {
+        if !report_progress(progress, "improve", round, rounds) {
             return Err(Error::Interrupted);
         }
         best = exchange(problem, best, options)?;
@@ -253,9 +262,10 @@ fn improve(
         best = reassign(problem, best, options, random, progress)?;
         // Each round lowers the cost by more than rounding, or is the last.
         if !(best.cost < cost) {
-            return Ok(best);
+            break;
         }
     }
+    Ok(best)
 }
 
 /// The best map and its rivals after a non-robust search over the inliers, which also finds the mirror branch of

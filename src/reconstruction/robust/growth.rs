@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Growth view by view among outliers: where sight is limited, no triple of views covers much of the whole, and a map
+//! that is not refined on the way drifts.
+//!
+//! The growth is that of the incremental strategy. Only the estimates differ: a seed comes from random samples, views
+//! and landmarks are placed where most of their bearings agree, and the map is refined with Cauchy's loss, which outliers
+//! hardly move.
+
+use super::super::incremental::from_seed;
+use super::super::incremental::merge::merged;
+use super::super::options::{Progress, SolveOptions, report_progress};
+use super::super::search::triples;
+use super::super::stages::StageOptions;
+use super::consensus::{Consensus, OUTLIER, cauchy_consensus, cost, inliers, with_cauchy};
+use super::consensus_places::ConsensusPlaces;
+use super::reassign::reestimate_each;
+use super::regrow::regrow;
+use super::sampling::{Common, SAMPLE, Seed};
+use crate::error::Error;
+use crate::problem::{Map, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+use rand_chacha::ChaCha8Rng;
+
+/// The fixed points of all components, the largest first; none where no triple of views has a seed.
+///
+/// # Errors
+/// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
+pub fn grow(
+    problem: &Problem,
+    options: &SolveOptions,
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Consensus>, Error> {
+    let seeds = seeds(problem, options, random, progress)?;
+    let mut free = vec![true; problem.views()];
+    let mut found: Vec<Consensus> = Vec::new();
+    while let Some(next) = component(problem, options, &seeds, &free, random, progress)? {
+        for (free, pose) in free.iter_mut().zip(&next.map.poses) {
+            *free &= pose.is_none();
+        }
+        found.push(next);
+    }
+    join_all(problem, options, found)
+}
+
+/// Seeds from random samples of many triples of views, those that most landmarks support first.
+fn seeds(
+    problem: &Problem,
+    options: &SolveOptions,
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Seed>, Error> {
+    let SolveOptions { seed, stages, .. } = options;
+    let robust = &stages.robust;
+    let per_view = robust.triples_per_view.saturating_mul(problem.views());
+    let count = per_view.max(robust.all_triples).min(robust.most_triples);
+    // One more than a sample, for redundancy, unless no three views share so many.
+    let mut drawn = triples::draw(problem, SAMPLE + 1, count, *seed, &stages.draw);
+    drawn.extend(triples::draw(problem, SAMPLE, count, *seed, &stages.draw));
+    drawn.sort_unstable();
+    drawn.dedup();
+    let total = drawn.len();
+    let mut found = Vec::new();
+    for (done, views) in drawn.into_iter().enumerate() {
+        if !report_progress(progress, "search", done, total) {
+            return Err(Error::Interrupted);
+        }
+        found.extend(Common::new(problem, views).best_seed(robust, random));
+    }
+    found.sort_by(|a, b| b.support.total_cmp(&a.support));
+    Ok(found)
+}
+
+/// The best fixed point of views that are free: the lowest that some seeds lead to, after parts of them have been grown
+/// again.
+fn component(
+    problem: &Problem,
+    options: &SolveOptions,
+    seeds: &[Seed],
+    free: &[bool],
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Consensus>, Error> {
+    // Only the bearings of these views count for a component.
+    let own: Vec<bool> = problem.sightings().iter().map(|s| free[s.view]).collect();
+    let own = &problem.subset(&own);
+    let mut found = from_seeds(own, options, seeds, free, random, progress)?;
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    found.truncate(options.stages.regrowth.maps);
+    let mut best: Option<Consensus> = None;
+    for map in found {
+        let map = regrow(own, map, free, options, random, progress)?;
+        if best.as_ref().is_none_or(|best| map.is_below(best)) {
+            best = Some(map);
+        }
+    }
+    Ok(best.map(|best| of_whole(problem, best)))
+}
+
+/// The fixed points that seeds lead to, each once. With many views, where each takes long, two seeds that lead to the
+/// same are enough.
+fn from_seeds(
+    problem: &Problem,
+    options: &SolveOptions,
+    seeds: &[Seed],
+    free: &[bool],
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Consensus>, Error> {
+    let StageOptions { robust, sight, .. } = &options.stages;
+    let soft = with_cauchy(options);
+    let mut found: Vec<Consensus> = Vec::new();
+    // No two seeds share a view.
+    let mut used = vec![false; problem.views()];
+    for _ in 0..robust.grown {
+        let fresh = |seed: &&Seed| seed.views.iter().all(|&view| free[view] && !used[view]);
+        let Some(seed) = seeds.iter().find(fresh) else {
+            break;
+        };
+        for view in seed.views {
+            used[view] = true;
+        }
+        let estimator = || ConsensusPlaces::new(problem, &soft, options.seed);
+        for map in from_seed(
+            problem,
+            &soft,
+            starts(problem, seed),
+            estimator,
+            free,
+            progress,
+        )? {
+            let Some(consensus) = cauchy_consensus(problem, map, options)? else {
+                continue;
+            };
+            let consensus = reestimate_each(problem, consensus, options, random, progress)?;
+            let known = |other: &Consensus| other.agrees(&consensus, robust.confirming_percent);
+            if !found.iter().any(known) {
+                found.push(consensus);
+            } else if problem.views() > sight.many_views {
+                return Ok(found);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The poses of a seed: one map, or two where the signs of the bearings do not decide between the motions.
+fn starts(problem: &Problem, seed: &Seed) -> Vec<Map> {
+    let motions = seed.branches(problem);
+    motions
+        .map(|motion| {
+            let mut map = Map::empty(problem.views(), problem.landmarks());
+            for (&view, pose) in seed.views.iter().zip(motion.poses) {
+                map.poses[view] = Some(pose);
+            }
+            map
+        })
+        .collect()
+}
+
+/// A fixed point of a part of the sightings as one of all: those of the other views are not among its inliers.
+fn of_whole(problem: &Problem, found: Consensus) -> Consensus {
+    Consensus {
+        inliers: inliers(problem, &found.map, OUTLIER),
+        cost: cost(problem, &found.map, OUTLIER),
+        ..found
+    }
+}
+
+/// Joins maps that share landmarks, as long as the joined map explains at least what the two explain apart.
+fn join_all(
+    problem: &Problem,
+    options: &SolveOptions,
+    mut found: Vec<Consensus>,
+) -> Result<Vec<Consensus>, Error> {
+    let size = |found: &Consensus| found.map.poses.iter().flatten().count();
+    found.sort_by_key(|found| core::cmp::Reverse(size(found)));
+    let (mut a, mut b) = (0, 1);
+    while a + 1 < found.len() {
+        if b == found.len() {
+            (a, b) = (a + 1, a + 2);
+        } else if let Some(joined) = joined(problem, options, [&found[a], &found[b]])? {
+            found[a] = joined;
+            found.remove(b);
+            (a, b) = (0, 1);
+        } else {
+            b += 1;
+        }
+    }
+    found.sort_by_key(|found| core::cmp::Reverse(size(found)));
+    Ok(found)
+}
+
+/// Two maps as one; `None` when they share too few landmarks, or explain more apart.
+fn joined(
+    problem: &Problem,
+    options: &SolveOptions,
+    [first, second]: [&Consensus; 2],
+) -> Result<Option<Consensus>, Error> {
+    let StageOptions {
+        incremental,
+        robust,
+        ..
+    } = &options.stages;
+    let both = first.inliers.iter().zip(&second.inliers);
+    let kept: Vec<bool> = both.map(|(a, b)| *a || *b).collect();
+    let Some(start) = merged(&problem.subset(&kept), incremental, &first.map, &second.map) else {
+        return Ok(None);
+    };
+    let outlier = OUTLIER * OUTLIER / 2.0;
+    let apart = first.cost + second.cost - outlier * problem.sightings().len() as f64;
+    let joined = cauchy_consensus(problem, start, options)?;
+    Ok(joined.filter(|joined| joined.cost < apart + robust.rival_cost))
+}
