@@ -110,6 +110,9 @@ pub struct RobustOptions {
     pub worse_outliers: f64,
     /// Places that are tried in a round, the most promising first. Not sensitive.
     pub reassign_tries: usize,
+    /// Places that are tried in all rounds, times the number of views, as which the work of a try grows: never fewer than
+    /// the rounds would try up to 20 views.
+    pub reassigned_views: usize,
     /// With odometry, sightings that must change between inlier and outlier: each try then moves hundreds of views. Not
     /// sensitive.
     pub changes_with_odometry: usize,
@@ -160,6 +163,7 @@ impl Default for RobustOptions {
             places: 4,
             worse_outliers: 2.0,
             reassign_tries: 24,
+            reassigned_views: 5000,
             changes_with_odometry: 3,
             reassign_rounds: 10,
         }

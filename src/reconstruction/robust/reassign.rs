@@ -91,13 +91,20 @@ pub fn reassign(
     let robust = &options.stages.robust;
     // With odometry each try moves hundreds of views: only those that promise something are refined to the end.
     let tied = !problem.priors().is_empty();
+    let mut left = if tied {
+        usize::MAX
+    } else {
+        robust.reassigned_views / problem.views().max(1)
+    };
     for _ in 0..robust.reassign_rounds {
         let mut lower = None;
         let limit = best.cost + (robust.worse_outliers * OUTLIER * OUTLIER / 2.0);
         for (tried, (bound, place)) in moves(problem, &best.map, robust, random)
             .into_iter()
+            .take(left)
             .enumerate()
         {
+            left -= 1;
             if !report_progress(progress, "relocate", tried, robust.reassign_tries) {
                 return Err(Error::Interrupted);
             }
