@@ -107,10 +107,11 @@ pub use problem::{
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    AveragingOptions, DrawOptions, HypothesisOptions, IncrementalOptions, InfinityOptions,
-    JudgeOptions, LandmarkMoveOptions, MinimaOptions, OdometryGrowthOptions, OdometrySweepOptions,
-    PositionOptions, PosteriorOptions, RelativeHeadingOptions, RobustGrowthOptions, RobustOptions,
-    SightOptions, StageOptions, StrideOptions,
+    AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IncrementalOptions,
+    InfinityOptions, JudgeOptions, LandmarkMoveOptions, MinimaOptions, OdometryGrowthOptions,
+    OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
+    RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
+    StrideOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{

@@ -9,6 +9,7 @@ mod infinity;
 pub(crate) mod judge;
 mod odometry;
 mod options;
+mod persist;
 mod result;
 mod robust;
 pub(crate) mod search;
@@ -22,13 +23,13 @@ pub use incremental::options::IncrementalOptions;
 pub use infinity::InfinityOptions;
 pub use judge::JudgeOptions;
 pub use odometry::options::{
-    OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions, RobustGrowthOptions,
-    StrideOptions,
+    HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions,
+    RobustGrowthOptions, StrideOptions,
 };
 pub(crate) use options::report_progress;
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
-pub use robust::options::RobustOptions;
+pub use robust::options::{RegrowthOptions, RobustOptions};
 pub use search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
 pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};

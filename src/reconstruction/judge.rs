@@ -39,6 +39,8 @@ pub struct JudgeOptions {
     pub spare_per_outlier: f64,
     /// With at most this many outliers a map is never taken for a chance agreement. Not sensitive.
     pub few_outliers: usize,
+    /// Maximum number of views with which the search goes on because a map leaves something out.
+    pub persistent_views: usize,
 }
 
 impl Default for JudgeOptions {
@@ -52,6 +54,7 @@ impl Default for JudgeOptions {
             sightings_per_outlier: 3,
             spare_per_outlier: 0.25,
             few_outliers: 2,
+            persistent_views: 100,
         }
     }
 }
@@ -147,6 +150,13 @@ pub fn is_too_costly(problem: &Problem, found: &Reconstruction, options: &JudgeO
     let bound = options.plausible_deviations;
     is_stated(problem)
         && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
+}
+
+/// Whether a map leaves out what has sightings enough, for itself or in another component.
+pub fn is_incomplete(found: &Reconstruction) -> bool {
+    let hopeless =
+        |one: &Undetermined| matches!(one.why, Why::TooFewSightings { .. } | Why::AtInfinity);
+    !(found.components.is_empty() && found.undetermined.iter().all(hopeless))
 }
 
 /// Whether the cost of a map with odometry and priors is what the standard deviations predict, and it reaches all that

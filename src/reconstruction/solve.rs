@@ -7,7 +7,7 @@ use super::odometry::posterior::solve_posterior;
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
-use super::strategy;
+use super::{persist, strategy};
 use crate::adjustment::{Report, cost, refine_map};
 use crate::error::Error;
 use crate::lm::{RefineOptions, Termination};
@@ -140,6 +140,6 @@ pub fn solve(
     } else if options.robust {
         solve_robust(problem, options, &mut progress)
     } else {
-        strategy::solve(problem, options, &mut progress)
+        persist::solve(problem, options, &mut progress)
     }
 }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Choice of the strategy by how much the views see, and the result of several components.
 
-use super::attempt::{attempt, converged, recoverable};
+use super::attempt::converged;
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
-use super::judge::{assess, choose, is_too_costly, judged};
+use super::judge::{assess, judged};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::search::hypotheses::{self, MIN_SHARED};
@@ -12,7 +12,6 @@ use super::search::{first_three, plain};
 use super::sight::is_limited;
 use super::{global, incremental};
 use crate::error::{Degeneracy, Error};
-use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -27,9 +26,6 @@ pub fn effective(problem: &Problem, options: &SolveOptions) -> Strategy {
 
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
-/// Where it fits worse than the stated standard deviations allow, the search goes on: grown with a loss that few
-/// bearings bend, with the other strategy, with another seed, in this order until one fits.
-///
 /// # Errors
 /// As [`solve`](super::solve).
 pub fn solve(
@@ -38,70 +34,10 @@ pub fn solve(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
-    let best = persist(problem, options, best, progress)?;
     judged(
         problem,
         converged(problem, best, &options.refine, progress)?,
     )
-}
-
-/// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
-fn persist(
-    problem: &Problem,
-    options: &SolveOptions,
-    best: Reconstruction,
-    progress: &mut Option<Progress<'_>>,
-) -> Result<Reconstruction, Error> {
-    let judge = &options.stages.judge;
-    let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
-    if named || options.refine.loss != Loss::Squared || !is_too_costly(problem, &best, judge) {
-        return Ok(best);
-    }
-    let mut found = vec![best];
-    for further in further_searches(problem, options) {
-        let Ok(mut map) = recoverable(lowest(problem, &further, progress))? else {
-            continue;
-        };
-        if further.refine.loss != options.refine.loss {
-            let mut start = map.map.clone();
-            let components = core::mem::take(&mut map.components);
-            let Some(report) = attempt(problem, &mut start, &options.refine, None)? else {
-                continue;
-            };
-            map = Reconstruction::new(problem, &start, report);
-            map.components = components;
-        }
-        let enough = !is_too_costly(problem, &map, judge) && map.components.is_empty();
-        found.push(map);
-        if enough {
-            break;
-        }
-    }
-    choose(problem, found, judge)
-}
-
-/// Searches that find other minima than the one by the options.
-fn further_searches(problem: &Problem, options: &SolveOptions) -> [SolveOptions; 3] {
-    let mut robust = SolveOptions {
-        strategy: Strategy::Incremental,
-        ..*options
-    };
-    robust.refine.loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
-    let mut other = *options;
-    other.seed = options.seed.wrapping_add(1);
-    let incremental = effective(problem, options) == Strategy::Incremental;
-    if incremental && problem.views() <= options.stages.sight.many_views {
-        other.strategy = Strategy::Search;
-        // Whatever the views see.
-        other.stages.sight.filled = 0.0;
-    } else {
-        other.strategy = Strategy::Incremental;
-    }
-    let seeded = SolveOptions {
-        seed: options.seed.wrapping_add(2),
-        ..*options
-    };
-    [robust, other, seeded]
 }
 
 /// As [`solve`], but not yet tested for free directions.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 40] = [
+const LAYERS: [&str; 41] = [
     "scalar",
     "float",
     "error",
@@ -41,6 +41,7 @@ const LAYERS: [&str; 40] = [
     "reconstruction/global",
     "reconstruction/strategy",
     "reconstruction/robust",
+    "reconstruction/persist",
     "reconstruction/odometry",
     "reconstruction/solve",
     "diagnosis/options",

@@ -19,7 +19,7 @@ use super::super::result::Reconstruction;
 use super::super::robust::solve::{check_sigmas, solve_robust};
 use super::super::search::landmark_moves::moved_landmarks;
 use super::super::search::options::LandmarkMoveOptions;
-use super::super::strategy;
+use super::super::{persist, strategy};
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
@@ -304,7 +304,7 @@ impl Attempts<'_, '_> {
         } else if self.many {
             strategy::lowest(&alone, self.options, self.progress)
         } else {
-            strategy::solve(&alone, self.options, self.progress)
+            persist::solve(&alone, self.options, self.progress)
         };
         let best = match recoverable(best)? {
             Ok(best) => best,

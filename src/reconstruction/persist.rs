@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Further searches where the first map fits worse than the stated standard deviations allow, or leaves something out.
+
+use super::attempt::{attempt, converged, recoverable};
+use super::incremental::complete::place_all;
+use super::judge::{choose, is_incomplete, is_too_costly, judged};
+use super::options::{Progress, SolveOptions, Strategy};
+use super::result::Reconstruction;
+use super::robust::solve::{check_sigmas, solve_robust};
+use super::strategy::{effective, lowest};
+use crate::error::Error;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem};
+use alloc::vec;
+
+/// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
+///
+/// Where it fits worse than the stated standard deviations allow, or leaves something out that has sightings enough, the
+/// search goes on: grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
+/// bearings were wrong, in this order until one fits.
+///
+/// # Errors
+/// As [`solve`](super::solve).
+pub fn solve(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let best = lowest(problem, options, progress)?;
+    let best = persist(problem, options, best, progress)?;
+    judged(
+        problem,
+        converged(problem, best, &options.refine, progress)?,
+    )
+}
+
+/// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
+fn persist(
+    problem: &Problem,
+    options: &SolveOptions,
+    best: Reconstruction,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let judge = &options.stages.judge;
+    let few = problem.views() <= judge.persistent_views;
+    let suffices = |found: &Reconstruction| {
+        !is_too_costly(problem, found, judge) && !(few && is_incomplete(found))
+    };
+    let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
+    if named || options.refine.loss != Loss::Squared || suffices(&best) {
+        return Ok(best);
+    }
+    let mut found = vec![best];
+    for further in further_searches(problem, options) {
+        let searched = lowest(problem, &further, progress);
+        let Ok(mut map) = recoverable(searched)? else {
+            continue;
+        };
+        if further.refine.loss != options.refine.loss {
+            let components = core::mem::take(&mut map.components);
+            let Some(refined) = refined(problem, map.map, options)? else {
+                continue;
+            };
+            map = refined;
+            map.components = components;
+        }
+        let enough = suffices(&map);
+        found.push(map);
+        if enough {
+            return choose(problem, found, judge);
+        }
+    }
+    if check_sigmas(problem).is_ok()
+        && let Ok(robust) = recoverable(solve_robust(problem, options, progress))?
+    {
+        let mut start = robust.map;
+        place_all(problem, &options.stages.incremental, &mut start);
+        found.extend(refined(problem, start, options)?);
+    }
+    choose(problem, found, judge)
+}
+
+/// A map refined; `None` when it cannot be.
+fn refined(
+    problem: &Problem,
+    mut map: Map,
+    options: &SolveOptions,
+) -> Result<Option<Reconstruction>, Error> {
+    let report = attempt(problem, &mut map, &options.refine, None)?;
+    Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
+}
+
+/// Searches that find other minima than the one by the options.
+fn further_searches(problem: &Problem, options: &SolveOptions) -> [SolveOptions; 3] {
+    let mut robust = SolveOptions {
+        strategy: Strategy::Incremental,
+        ..*options
+    };
+    robust.refine.loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
+    let mut other = *options;
+    other.seed = options.seed.wrapping_add(1);
+    let incremental = effective(problem, options) == Strategy::Incremental;
+    if incremental && problem.views() <= options.stages.sight.many_views {
+        other.strategy = Strategy::Search;
+        // Whatever the views see.
+        other.stages.sight.filled = 0.0;
+    } else {
+        other.strategy = Strategy::Incremental;
+    }
+    let seeded = SolveOptions {
+        seed: options.seed.wrapping_add(2),
+        ..*options
+    };
+    [robust, other, seeded]
+}
