@@ -4,6 +4,7 @@
 use super::super::grow::{grow, score};
 use super::super::judge::near;
 use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
+use super::four_landmarks::maps_of_four;
 use super::options::{DrawOptions, HypothesisOptions};
 use super::tensor_circle::{Circle, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
@@ -87,24 +88,42 @@ pub fn search(
     }
     let four = drawn.is_empty() && problem.views() > 3;
     if four {
-        let count = search.triples.min(stages.hypotheses.max_sweeps);
-        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, *seed, &stages.draw);
-        scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
+        scored = from_four_landmarks(problem, options, progress)?;
     }
     if scored.is_empty() {
         return Err(failure.unwrap_or_else(|| too_few_shared(problem, &stages.draw)));
     }
-    let maps = if four {
-        distinct(scored, &stages.hypotheses)
-    } else {
-        ranked(scored)
-    };
+    let maps = ranked(scored);
     Ok(Hypotheses {
         maps,
         unique: !four && problem.views() > 3,
         four,
         triples: seeds.into_iter().map(|(_, _, views)| views).collect(),
     })
+}
+
+/// Maps grown from four landmarks that three views share: both solutions in closed form where a fourth view sees the
+/// same four. Where none does, or there are other landmarks to tell maps apart by, also the best along tensor circles.
+fn from_four_landmarks(
+    problem: &Problem,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<ScoredHypotheses, Error> {
+    let SolveOptions { search, seed, .. } = options;
+    let stages = &options.stages;
+    let count = search.triples;
+    let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, *seed, &stages.draw);
+    let found = maps_of_four(problem, &drawn).into_iter();
+    let mut scored: ScoredHypotheses = found
+        .map(|(map, triple)| (score(problem, &map), Hypothesis { map, triple }))
+        .collect();
+    if scored.is_empty() || problem.landmarks() > MIN_SHARED_WITH_FOURTH {
+        let swept = &drawn[..stages.hypotheses.max_sweeps.min(drawn.len())];
+        let swept = sweep(problem, swept, Circle::WHOLE, progress)?;
+        let distinct = distinct(swept, &stages.hypotheses).into_iter();
+        scored.extend(distinct.map(|found| (score(problem, &found.map), found)));
+    }
+    Ok(scored)
 }
 
 /// Rejects a problem that is too small, and an empty search.
