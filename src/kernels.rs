@@ -20,7 +20,7 @@ mod view_triangle;
 
 pub use calibrated::CalibratedTensor;
 #[cfg(feature = "alloc")]
-pub(crate) use four_landmarks::{Quadruple, four_landmarks};
+pub(crate) use four_landmarks::{DualTensor, Quadruple};
 pub use motion::Motion;
 pub use projective::{
     Epipoles, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Four landmarks from the bearings of four or more views: both solutions in closed form.
+//! Four landmarks from the bearings of four or more views: the dual of the calibrated tensor.
 //!
 //! Symbols as in `docs/theory.md`, section 7: landmarks `x_j` as complex numbers, differences `d_jk = x_j - x_k`,
 //! coefficients P, Q, R of the pairs of opposite sides 12|34, 13|42 and 14|23.
@@ -13,49 +13,96 @@ use nalgebra::{Complex, Point2};
 /// The bearings of four landmarks in the frame of one view.
 pub(crate) type Quadruple<T> = [Bearing<T>; 4];
 
-/// The pairs of opposite sides, in the order of P, Q, R. With these signs `d d'` sums to zero (Ptolemy).
+/// The pairs of opposite sides, in the order of P, Q, R. With these signs the products of opposite sides sum to zero.
 const OPPOSITE: [[(usize, usize); 2]; 3] =
     [[(0, 1), (2, 3)], [(0, 2), (3, 1)], [(0, 3), (1, 2)]];
 
 /// Rounds of reweighting. One reaches the accuracy of maximum likelihood, the second is for landmarks near a wall.
 const REWEIGHTS: usize = 2;
 
-/// Both quadrangles of landmarks that explain the bearings of four or more views modulo pi, each up to a similarity.
+/// The three products `P = d_12 conj(d_34)`, `Q = d_13 conj(d_42)`, `R = d_14 conj(d_23)` of the opposite sides of four
+/// landmarks, up to a real factor.
 ///
-/// A view of unknown pose leaves one equation, (T17a), linear in the three products of opposite sides
-/// `P = d_12 conj(d_34)` and so on: four views determine them up to a real factor. The products `d_12 d_34`, of the
-/// same moduli, form a triangle (Ptolemy), which exists in two mirror images, (T17b); each gives the directions of all
-/// six sides. The two solutions coincide when the landmarks are on a circle. If noise violates the triangle inequality,
-/// both are the nearest such quadrangle.
-///
-/// `views` is iterated several times; with fewer than four the answer is one of infinitely many. `None` for a bearing
-/// that is not finite.
+/// A view of unknown pose leaves one equation in its bearings, (T17a), which is linear in them and the same as that of
+/// one landmark in three views; so four views determine them, as five landmarks determine the tensor of three views.
+/// (The fifth equation is `Re(P + Q + R) = 0`.)
 ///
 /// # Reference
 /// K. Åström and M. Oskarsson, "Solutions and ambiguities of the structure and motion problem for 1D retinal vision",
-/// JMIV 12(2), 2000: the minimal case of four views, dual to that of three.
-pub(crate) fn four_landmarks<T: Real>(
-    views: impl Iterator<Item = Quadruple<T>> + Clone,
-) -> Option<[[Point2<T>; 4]; 2]> {
-    let mut products = opposite_products(views.clone(), |_| T::one());
-    for _ in 0..REWEIGHTS {
-        products = opposite_products(views.clone(), |row| weight(&products, row));
+/// JMIV 12(2), 2000: the minimal case of four views and its duality with that of three.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct DualTensor<T: Real> {
+    coefficients: [Complex<T>; 3],
+}
+
+impl<T: Real> DualTensor<T> {
+    /// That of known landmarks.
+    pub fn of_landmarks(points: &[Point2<T>; 4]) -> Self {
+        let side = |(j, k): (usize, usize)| {
+            let side = points[j] - points[k];
+            Complex::new(side.x, side.y)
+        };
+        Self {
+            coefficients: OPPOSITE.map(|[one, other]| side(one) * side(other).conj()),
+        }
     }
-    let [p, q, r] = products;
-    let sides = products.map(|z| z.norm_sqr().sqrt());
-    let [lp, lq, lr] = sides;
-    if !(lp * lq > T::zero() && (lp + lq + lr).is_finite()) {
-        return None;
+
+    /// The one that fits the bearings best and the next best in the directions orthogonal to it, each row over its
+    /// standard deviation for equal noise in all bearings. Four views fit the first exactly; fewer, many.
+    ///
+    /// `views` is iterated several times.
+    pub fn estimate_pair(views: impl Iterator<Item = Quadruple<T>> + Clone) -> [Self; 2] {
+        let mut pair = null_pair(views.clone(), |_| T::one());
+        for _ in 0..REWEIGHTS {
+            let [best, _] = pair;
+            pair = null_pair(views.clone(), |row| best.weight(row));
+        }
+        pair
     }
-    let turn = angle_of_sides(lp, lq, lr);
-    let both = [turn, turn.conj()].map(|turn| {
-        let first = Complex::new(lp, T::zero());
-        let second = turn * lq;
+
+    /// The linear combination of two tensors.
+    pub fn combine(pair: &[Self; 2], first: T, second: T) -> Self {
+        let [a, b] = pair;
+        Self {
+            coefficients: core::array::from_fn(|k| {
+                a.coefficients[k] * first + b.coefficients[k] * second
+            }),
+        }
+    }
+
+    /// Whether any four landmarks have these products: their moduli are the sides of a triangle.
+    pub fn is_real(&self) -> bool {
+        let [p, q, r] = self.coefficients.map(|z| z.norm_sqr().sqrt());
+        p <= q + r && q <= r + p && r <= p + q
+    }
+
+    /// Both quadrangles of landmarks that have these products, each up to a similarity.
+    ///
+    /// The products `d_12 d_34` and so on have the same moduli and sum to zero (Ptolemy): they form a triangle, which
+    /// exists in two mirror images, (T17b); each gives the directions of all six sides. Both are the same when the
+    /// landmarks are on a circle. If noise violates the triangle inequality, the nearest triangle is taken, which is flat.
+    ///
+    /// `None` for products that vanish or are not finite.
+    pub fn quadrangles(&self) -> Option<[[Point2<T>; 4]; 2]> {
+        let [p, q, r] = self.coefficients.map(|z| z.norm_sqr().sqrt());
+        if !(p * q > T::zero() && (p + q + r).is_finite()) {
+            return None;
+        }
+        let turn = angle_of_sides(p, q, r);
+        let both = [turn, turn.conj()].map(|turn| {
+            let (first, second) = (Complex::new(p, T::zero()), turn * q);
+            self.quadrangle(&[first, second, -(first + second)])
+        });
+        let finite = |point: &Point2<T>| (point.x + point.y).is_finite();
+        both.iter().flatten().all(finite).then_some(both)
+    }
+
+    /// The landmarks whose products of opposite sides are these corners, with the first at the origin.
+    fn quadrangle(&self, corners: &[Complex<T>; 3]) -> [Point2<T>; 4] {
         let mut factor = TriangularFactor::<T, 6>::new();
-        let corners = [first, second, -(first + second)];
-        for ((pair, product), corner) in OPPOSITE.iter().zip([p, q, r]).zip(corners) {
-            // d d' times d conj(d') has twice the angle of d, and conj(d) d' in its place twice that of d'.
-            let doubles = [corner * product, corner * product.conj()];
+        for ((pair, product), corner) in OPPOSITE.iter().zip(self.coefficients).zip(corners) {
+            // d d' times d conj(d') has twice the angle of d, and times its conjugate twice that of d'.
+            let doubles = [*corner * product, *corner * product.conj()];
             for (&(j, k), double) in pair.iter().zip(doubles) {
                 let length = double.norm_sqr().sqrt();
                 if length > T::zero() {
@@ -64,20 +111,28 @@ pub(crate) fn four_landmarks<T: Real>(
                 }
             }
         }
-        let null = factor.null_space();
-        let [second, third, fourth] =
-            [0, 2, 4].map(|k| Point2::new(null.vectors[0][k], null.vectors[0][k + 1]));
+        let [null, _] = factor.null_space().vectors;
+        let [second, third, fourth] = [0, 2, 4].map(|k| Point2::new(null[k], null[k + 1]));
         [Point2::origin(), second, third, fourth]
-    });
-    let finite = |point: &Point2<T>| (point.x + point.y).is_finite();
-    both.iter().flatten().all(finite).then_some(both)
+    }
+
+    /// One over the standard deviation of the residual of a row for unit noise in the four angles, up to a factor: its
+    /// derivatives are the sums of the three imaginary parts with one sign changed or none.
+    fn weight(&self, row: &[Complex<T>; 3]) -> T {
+        let squares = self.coefficients.iter().zip(row).map(|(z, e)| {
+            let im = (*z * *e).im;
+            im * im
+        });
+        let sum = squares.fold(T::zero(), |sum, square| sum + square);
+        T::one() / (sum + T::eps()).sqrt()
+    }
 }
 
-/// P, Q and R, the null vector of the weighted rows, (T17a), with `Re(P + Q + R) = 0` substituted.
-fn opposite_products<T: Real>(
+/// The two smallest right singular vectors of the weighted rows, (T17a), with `Re(P + Q + R) = 0` substituted.
+fn null_pair<T: Real>(
     views: impl Iterator<Item = Quadruple<T>>,
     weight: impl Fn(&[Complex<T>; 3]) -> T,
-) -> [Complex<T>; 3] {
+) -> [DualTensor<T>; 2] {
     let mut factor = TriangularFactor::<T, 5>::new();
     for view in views {
         let row = frequencies(&view);
@@ -85,12 +140,13 @@ fn opposite_products<T: Real>(
         let [e1, e2, e3] = row.map(|z| z * weight);
         factor.push([e1.re - e3.re, -e1.im, e2.re - e3.re, -e2.im, -e3.im]);
     }
-    let v = factor.null_space().vectors[0];
-    [
-        Complex::new(v[0], v[1]),
-        Complex::new(v[2], v[3]),
-        Complex::new(-v[0] - v[2], v[4]),
-    ]
+    factor.null_space().vectors.map(|v| DualTensor {
+        coefficients: [
+            Complex::new(v[0], v[1]),
+            Complex::new(v[2], v[3]),
+            Complex::new(-v[0] - v[2], v[4]),
+        ],
+    })
 }
 
 /// `e^{i(a_3+a_4-a_1-a_2)}`, `e^{i(a_2+a_4-a_1-a_3)}`, `e^{i(a_2+a_3-a_1-a_4)}`.
@@ -98,17 +154,6 @@ fn frequencies<T: Real>(view: &Quadruple<T>) -> [Complex<T>; 3] {
     let [a, b, c, d] = view.map(|bearing| bearing.into_inner());
     let (ad, bc) = (a.conj() * d, b.conj() * c);
     [bc * ad, bc.conj() * ad, a.conj() * b * c * d.conj()]
-}
-
-/// One over the standard deviation of the residual of a row for unit noise in the four angles: its derivatives are
-/// the four sums of imaginary parts with one sign changed or none.
-fn weight<T: Real>(products: &[Complex<T>; 3], row: &[Complex<T>; 3]) -> T {
-    let squares = products.iter().zip(row).map(|(z, e)| {
-        let im = (*z * *e).im;
-        im * im
-    });
-    let sum = squares.fold(T::zero(), |sum, square| sum + square);
-    T::one() / (sum + T::eps()).sqrt()
 }
 
 /// The equation that landmarks j and k lie in this direction from each other, the first at the origin.
@@ -152,6 +197,12 @@ mod tests {
             points.map(|point| bearing_to(&place, &point).unwrap())
         };
         (points, (0..views).map(quadruple).collect())
+    }
+
+    fn four_landmarks(
+        views: impl Iterator<Item = Quadruple<f64>> + Clone,
+    ) -> Option<[[Point2<f64>; 4]; 2]> {
+        DualTensor::estimate_pair(views)[0].quadrangles()
     }
 
     #[test]

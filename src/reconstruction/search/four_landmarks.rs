@@ -1,44 +1,135 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps grown from four landmarks that four or more views see.
 
-use super::super::grow::grow;
+use super::super::grow::{grow, score};
+use super::tensor_circle::{Circle, ScoredMap, local_minima};
 use super::triples::common_bearings;
-use crate::kernels::{Quadruple, four_landmarks};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::align;
+use crate::kernels::{DualTensor, Quadruple};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
+use nalgebra::Point2;
 
 /// Minimum number of views that determine four landmarks: each has one equation more than its pose has unknowns, and
 /// the landmarks have four.
 const MIN_VIEWS: usize = 4;
 
-/// Both maps of each set of four landmarks that one of these triples of views shares and four or more views see,
-/// with the index of the triple.
-pub fn maps_of_four(problem: &Problem, triples: &[[usize; 3]]) -> Vec<(Map, usize)> {
-    let mut known: Vec<[usize; 4]> = Vec::new();
-    let mut found = Vec::new();
-    for (triple, &views) in triples.iter().enumerate() {
-        let (_, shared) = common_bearings(problem, views);
-        let Ok(four) = <[usize; 4]>::try_from(shared) else {
-            continue;
-        };
-        if known.contains(&four) {
-            continue;
-        }
-        known.push(four);
-        let views = (0..problem.views()).filter_map(|view| bearings_of(problem, view, &four));
-        if views.clone().nth(MIN_VIEWS - 1).is_none() {
-            continue;
-        }
-        for points in four_landmarks(views).into_iter().flatten() {
-            let mut map = Map::empty(problem.views(), problem.landmarks());
-            for (&landmark, point) in four.iter().zip(points) {
-                map.landmarks[landmark] = Some(point);
+/// Bisections of an interval between two samples of a circle: to a thousandth of its length, far within the reach of a
+/// refinement.
+const BISECTIONS: usize = 10;
+
+/// Four landmarks that four or more views see.
+pub struct FourLandmarks {
+    landmarks: [usize; 4],
+    /// The tensor that fits best, and the direction in which noise moves it most.
+    tensors: [DualTensor<f64>; 2],
+    /// Index of a triple of views that share them.
+    pub triple: usize,
+}
+
+impl FourLandmarks {
+    /// Each set of four landmarks that one of these triples of views shares and four or more views see.
+    pub fn shared(problem: &Problem, triples: &[[usize; 3]]) -> Vec<Self> {
+        let mut found: Vec<Self> = Vec::new();
+        for (triple, &views) in triples.iter().enumerate() {
+            let (_, shared) = common_bearings(problem, views);
+            let Ok(landmarks) = <[usize; 4]>::try_from(shared) else {
+                continue;
+            };
+            let views =
+                (0..problem.views()).filter_map(|view| bearings_of(problem, view, &landmarks));
+            let known = found.iter().any(|other| other.landmarks == landmarks);
+            if !known && views.clone().nth(MIN_VIEWS - 1).is_some() {
+                found.push(Self {
+                    landmarks,
+                    tensors: DualTensor::estimate_pair(views),
+                    triple,
+                });
             }
-            grow(problem, &mut map);
-            found.push((map, triple));
         }
+        found
     }
-    found
+
+    /// Both maps in closed form.
+    pub fn solutions(&self, problem: &Problem) -> Vec<ScoredMap> {
+        let maps = self.grown(problem, &self.tensors[0]).into_iter();
+        maps.map(|map| (score(problem, &map), map)).collect()
+    }
+
+    /// Maps from the tensors that noise may have turned into the best one: the local minima of the score along the
+    /// circle through it and the direction that the bearings determine least, and the ends of its arcs of real tensors,
+    /// where the landmarks are on a circle and both solutions meet.
+    pub fn along_circle(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
+        let at = |cos, sin| DualTensor::combine(&self.tensors, cos, sin);
+        let mut found = local_minima(problem, circle, |cos, sin| {
+            self.grown(problem, &at(cos, sin))
+        });
+        let tensor = |part: f64| {
+            let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
+            at(cos, sin * circle.width)
+        };
+        let is_real = |part| tensor(part).is_real();
+        for place in 0..circle.places {
+            let [mut low, mut high] = [0, 1].map(|k| (place + k) as f64 / circle.places as f64);
+            if is_real(low) == is_real(high) {
+                continue;
+            }
+            for _ in 0..BISECTIONS {
+                let middle = 0.5 * (low + high);
+                if is_real(middle) == is_real(low) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let maps = self.grown(problem, &tensor(0.5 * (low + high)));
+            found.extend(maps.map(|map| (score(problem, &map), map)));
+        }
+        found
+    }
+
+    /// The maps of the two quadrangles of a tensor, empty if it has none.
+    fn grown(&self, problem: &Problem, tensor: &DualTensor<f64>) -> [Map; 2] {
+        let quadrangles = tensor.quadrangles();
+        [0, 1].map(|branch| {
+            let mut map = Map::empty(problem.views(), problem.landmarks());
+            if let Some(quadrangles) = &quadrangles {
+                for (&landmark, &point) in self.landmarks.iter().zip(&quadrangles[branch]) {
+                    map.landmarks[landmark] = Some(point);
+                }
+                grow(problem, &mut map);
+            }
+            map
+        })
+    }
+}
+
+/// The other map of four landmarks that explains all bearings as well modulo pi.
+///
+/// `None` unless the map has just four landmarks, all determined.
+pub fn twin(problem: &Problem, map: &Map) -> Option<Map> {
+    let all: Vec<_> = map.landmarks.iter().copied().collect::<Option<_>>()?;
+    let points = <[_; 4]>::try_from(all).ok()?;
+    let quadrangles = DualTensor::of_landmarks(&points).quadrangles()?;
+    let twin = quadrangles.into_iter().max_by(|a, b| {
+        let [a, b] = [a, b].map(|other| unlike(&points, other));
+        a.total_cmp(&b)
+    })?;
+    let mut other = Map::empty(problem.views(), problem.landmarks());
+    other.landmarks = twin.map(Some).to_vec();
+    grow(problem, &mut other);
+    Some(other)
+}
+
+/// How much two quadrangles differ up to a similarity; infinite when they cannot be compared.
+fn unlike(one: &[Point2<f64>; 4], other: &[Point2<f64>; 4]) -> f64 {
+    let Ok(laid) = align(other, one) else {
+        return f64::INFINITY;
+    };
+    let pairs = one.iter().zip(other);
+    pairs.map(|(a, b)| (a - laid * b).norm_squared()).sum()
 }
 
 /// The bearings of four landmarks from one view; `None` when it does not see all of them.
