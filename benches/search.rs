@@ -6,8 +6,8 @@
 //! all widths and the refinement started at the truth, by more than 1e-5 of it.
 
 use bearslam::{
-    Arena, Cell, Layout, Map, Problem, Reconstruction, RefineOptions, Scene, SearchOptions,
-    SolveOptions, Termination, align, refine, simulate, solve,
+    Arena, Cell, Degeneracy, Error, Kind, Layout, Map, Problem, Reconstruction, RefineOptions,
+    Scene, SearchOptions, SolveOptions, align, diagnose, refine, simulate, solve,
 };
 use nalgebra::Point2;
 use rayon::prelude::*;
@@ -133,8 +133,10 @@ fn contest((cell, seed): &(Cell, u64)) -> Vec<(bool, f64)> {
 
 /// Scenes of four landmarks: how many `solve` loses.
 fn four_landmarks(trials: u64, seed: u64) {
-    println!("\n| noise | views | scenes | errors | lost | own map not returned | maps | mean time \\[us\\] |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!(
+        "\n| noise | views | scenes | walls | named | errors | lost | own map not returned | maps | mean time \\[us\\] |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for noise in [0.0, 0.1_f64.to_radians()] {
         for views in 4..=12 {
             let cells = [Layout::Mixed, Layout::Enclosed].map(|layout| Cell {
@@ -151,9 +153,11 @@ fn four_landmarks(trials: u64, seed: u64) {
             let count = |is: fn(&Four) -> bool| runs.iter().filter(|run| is(run)).count();
             let mean = |of: fn(&Four) -> f64| runs.iter().map(of).sum::<f64>() / runs.len() as f64;
             println!(
-                "| {:.1} deg | {views} | {} | {} | {} | {} | {:.1} | {:.0} |",
+                "| {:.1} deg | {views} | {} | {} | {} | {} | {} | {} | {:.1} | {:.0} |",
                 noise.to_degrees(),
                 runs.len(),
+                count(|run| run.wall),
+                count(|run| run.named),
                 count(|run| run.error),
                 count(|run| run.lost),
                 count(|run| run.unlisted),
@@ -166,6 +170,8 @@ fn four_landmarks(trials: u64, seed: u64) {
 
 /// What came of a scene of four landmarks.
 struct Four {
+    wall: bool,
+    named: bool,
     error: bool,
     /// No map returned is as good as the one from the truth; where bearings are exact, none is exact.
     lost: bool,
@@ -194,30 +200,58 @@ fn four((cell, seed): &(Cell, u64)) -> Four {
         .iter()
         .flat_map(|found| core::iter::once(found).chain(&found.alternatives))
         .collect();
+    let wall = is_wall(&scene.landmarks);
+    let named = wall
+        && match &found {
+            Err(Error::Degenerate { kind, .. }) => *kind == Degeneracy::CollinearLandmarks,
+            _ => diagnose(&problem, None, None).is_ok_and(|told| {
+                let mut findings = told.findings.iter();
+                findings.any(|finding| finding.kind == Kind::CollinearLandmarks)
+            }),
+        };
     let good = |found: &Reconstruction| match &truth {
-        _ if cell.noise == 0.0 => found.termination == Termination::ZeroResidual,
+        _ if cell.noise == 0.0 => found.rms < 1e-10,
         // Both are rounding where the bearings determine no more than the map.
         Ok(truth) => found.cost <= truth.cost * (1.0 + 1e-5) + 1e-12,
         Err(_) => true,
     };
-    let lost = !maps.iter().any(|found| good(found));
-    let unlisted = truth.as_ref().is_ok_and(|truth| {
-        truth.termination.was_successful()
-            && !maps.iter().any(|found| is_same(&found.map, &truth.map))
-    });
-    if std::env::var_os("VERBOSE").is_some() && (lost || unlisted) {
+    let lost = !wall && !maps.iter().any(|found| good(found));
+    let unlisted = !wall
+        && truth.as_ref().is_ok_and(|truth| {
+            truth.termination.was_successful()
+                && !maps.iter().any(|found| is_same(&found.map, &truth.map))
+        });
+    if std::env::var_os("VERBOSE").is_some() && (lost || unlisted || wall != named) {
         let truth = truth.map(|t| (t.cost, t.termination, t.uncertainty, t.sensitivity));
-        let costs: Vec<_> = maps.iter().map(|found| (found.cost, found.termination)).collect();
+        let costs: Vec<_> = maps
+            .iter()
+            .map(|found| (found.cost, found.termination))
+            .collect();
         let error = found.as_ref().err();
-        println!("{cell:?} {seed}: lost {lost}, truth {truth:?}, found {costs:?} {error:?}");
+        println!(
+            "{cell:?} {seed}: wall {wall} {named}, lost {lost}, truth {truth:?}, found {costs:?} {error:?}"
+        );
     }
     Four {
-        error: found.is_err(),
+        wall,
+        named,
+        error: !wall && found.is_err(),
         lost,
         unlisted,
         maps: maps.len(),
         time,
     }
+}
+
+/// Whether landmarks are on one line.
+fn is_wall(landmarks: &[Point2<f64>]) -> bool {
+    let [first, others @ ..] = landmarks else {
+        return true;
+    };
+    others.iter().all(|a| {
+        let mut areas = others.iter().map(|b| (a - first).perp(&(b - first)).abs());
+        areas.all(|area| area < 1e-9)
+    })
 }
 
 /// Whether two complete maps differ by a similarity only, up to a thousandth of their size.

@@ -14,8 +14,7 @@ use nalgebra::{Complex, Point2};
 pub(crate) type Quadruple<T> = [Bearing<T>; 4];
 
 /// The pairs of opposite sides, in the order of P, Q, R. With these signs the products of opposite sides sum to zero.
-const OPPOSITE: [[(usize, usize); 2]; 3] =
-    [[(0, 1), (2, 3)], [(0, 2), (3, 1)], [(0, 3), (1, 2)]];
+const OPPOSITE: [[(usize, usize); 2]; 3] = [[(0, 1), (2, 3)], [(0, 2), (3, 1)], [(0, 3), (1, 2)]];
 
 /// Rounds of reweighting. One reaches the accuracy of maximum likelihood, the second is for landmarks near a wall.
 const REWEIGHTS: usize = 2;
@@ -185,7 +184,9 @@ mod tests {
     fn apart(one: &[Point2<f64>; 4], other: &[Point2<f64>; 4]) -> f64 {
         let laid = align(one, other).unwrap();
         let pairs = one.iter().zip(other);
-        pairs.map(|(a, b)| (laid * a - b).norm()).fold(0.0, f64::max)
+        pairs
+            .map(|(a, b)| (laid * a - b).norm())
+            .fold(0.0, f64::max)
     }
 
     fn scene(seed: usize, views: usize) -> ([Point2<f64>; 4], Vec<Quadruple<f64>>) {

@@ -14,7 +14,7 @@ use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
-use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2};
 
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +37,23 @@ impl Map {
     /// Whether every pose and landmark has an estimate.
     pub fn is_complete(&self) -> bool {
         self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
+    }
+
+    /// How far the landmarks are from one line: their width over their length.
+    pub(crate) fn width_over_length(&self) -> f64 {
+        let points = || self.landmarks.iter().flatten().map(|point| point.coords);
+        let middle = points().sum::<Vector2<f64>>() / points().count().max(1) as f64;
+        let offsets = || points().map(|point| point - middle);
+        // The axis is at half the angle of the second moments.
+        let (sum, twice) = offsets().fold((0.0, 0.0), |(sum, twice), d| {
+            (sum + d.x * d.x - d.y * d.y, twice + 2.0 * d.x * d.y)
+        });
+        let (sin, cos) = (0.5 * twice.atan2(sum)).sin_cos();
+        let (width, length) = offsets().fold((0.0, 0.0), |(width, length), d| {
+            let (along, across) = (d.x * cos + d.y * sin, d.y * cos - d.x * sin);
+            (width + across * across, length + along * along)
+        });
+        (width / length).sqrt()
     }
 
     /// The determined views, then landmarks.

@@ -100,12 +100,23 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     if !problem.priors().is_empty() {
         return Ok(());
     }
+    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
+    // uncertainty shows it.
+    if best.rms >= f64::EPSILON.sqrt() {
+        return Ok(());
+    }
+    let width = best.map.width_over_length();
+    if width < FLAT && best.map.landmarks.iter().all(Option::is_some) {
+        return Err(Error::Degenerate {
+            kind: Degeneracy::CollinearLandmarks,
+            value: width,
+            bound: FLAT,
+        });
+    }
     // Above this the value is mostly rounding.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
-    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
-    // uncertainty shows it.
-    if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
+    if !(per_radian < bound) {
         return Err(Error::Degenerate {
             kind: Degeneracy::FreeMap,
             value: per_radian,
@@ -114,6 +125,10 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     }
     Ok(())
 }
+
+/// Width over length of the landmarks below which they are on one wall, and leave a family of maps: far above rounding.
+/// Not an option: it is for exact bearings.
+const FLAT: f64 = 1e-7;
 
 /// Root mean square of one over sigma.
 fn mean_weight(problem: &Problem) -> f64 {

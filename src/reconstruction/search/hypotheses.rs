@@ -92,15 +92,15 @@ pub fn search(
     let mut quadrangles = Vec::new();
     if four {
         let needed = MIN_SHARED_WITH_FOURTH;
-        let drawn = triples::draw(problem, needed, search.triples, *seed, &stages.draw);
+        let count = search.triples.min(stages.hypotheses.max_sweeps);
+        let drawn = triples::draw(problem, needed, count, *seed, &stages.draw);
         quadrangles = FourLandmarks::shared(problem, &drawn);
         for four in &quadrangles {
             scored.extend(hypotheses(four.solutions(problem), four.triple));
         }
         // Where no fourth view sees the same four, or other landmarks tell maps apart.
         if scored.is_empty() || problem.landmarks() > needed {
-            let swept = stages.hypotheses.max_sweeps.min(drawn.len());
-            let swept = sweep(problem, &drawn[..swept], Circle::WHOLE, progress)?;
+            let swept = sweep(problem, &drawn, Circle::WHOLE, progress)?;
             scored.extend(distinct(swept, &stages.hypotheses));
         }
     }
