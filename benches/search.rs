@@ -4,6 +4,11 @@
 //! Failures against time for searches of several widths, over the 75 cells of Dellaert and Stroupe in both
 //! layouts and over harder ones. A search fails when its cost exceeds the least known one of the scene, over
 //! all widths and the refinement started at the truth, by more than 1e-5 of it.
+//!
+//! With `four`, scenes of four landmarks instead, which have up to two exact maps each: `solve` must return one as good
+//! as the one from the truth, the best map or one of its alternatives. Also counted are the scenes whose own map is not
+//! among those returned. Scenes with all landmarks on one wall are counted apart: none has a map of its own, and `solve`
+//! (exact bearings) or `diagnose` must name the wall.
 
 use bearslam::{
     Arena, Cell, Degeneracy, Error, Kind, Layout, Map, Problem, Reconstruction, RefineOptions,

@@ -8,7 +8,7 @@ use super::triangular::TriangularFactor;
 use super::view_triangle::{angle_of_sides, square_root};
 use crate::geometry::Bearing;
 use crate::scalar::Real;
-use nalgebra::{Complex, Point2};
+use nalgebra::{Complex, Point2, SVector};
 
 /// The bearings of four landmarks in the frame of one view.
 pub(crate) type Quadruple<T> = [Bearing<T>; 4];
@@ -18,6 +18,9 @@ const OPPOSITE: [[(usize, usize); 2]; 3] = [[(0, 1), (2, 3)], [(0, 2), (3, 1)], 
 
 /// Rounds of reweighting. One reaches the accuracy of maximum likelihood, the second is for landmarks near a wall.
 const REWEIGHTS: usize = 2;
+
+/// Weight of a direction that is held: rows have at most one over rounding, most of them about one.
+const HELD: f64 = 1e6;
 
 /// The three products `P = d_12 conj(d_34)`, `Q = d_13 conj(d_42)`, `R = d_14 conj(d_23)` of the opposite sides of four
 /// landmarks, up to a real factor.
@@ -46,25 +49,44 @@ impl<T: Real> DualTensor<T> {
         }
     }
 
-    /// The one that fits the bearings best and the next best in the directions orthogonal to it, each row over its
-    /// standard deviation for equal noise in all bearings. Four views fit the first exactly; fewer, many.
+    /// The singular vectors of the smallest singular values, the smallest first: the tensor that fits the bearings best,
+    /// and the directions in which noise moves it most. Each row is over its standard deviation for equal noise in all
+    /// bearings. Four views fit the first exactly; fewer, many.
     ///
     /// `views` is iterated several times.
-    pub fn estimate_pair(views: impl Iterator<Item = Quadruple<T>> + Clone) -> [Self; 2] {
-        let mut pair = null_pair(views.clone(), |_| T::one());
+    pub fn weakest(views: impl Iterator<Item = Quadruple<T>> + Clone) -> [Self; 3] {
+        let mut factor = factor(views.clone(), |_| T::one());
         for _ in 0..REWEIGHTS {
-            let [best, _] = pair;
-            pair = null_pair(views.clone(), |row| best.weight(row));
+            let best = Self::from_vector(&factor.null_space().vectors[0]);
+            factor = self::factor(views.clone(), |row| best.weight(row));
         }
-        pair
+        let [first, second] = factor.null_space().vectors;
+        // With rows that hold these two, the next is the least.
+        for held in [first, second] {
+            factor.push(core::array::from_fn(|k| held[k] * T::lit(HELD)));
+        }
+        let [third, _] = factor.null_space().vectors;
+        [first, second, third].each_ref().map(Self::from_vector)
     }
 
-    /// The linear combination of two tensors.
-    pub fn combine(pair: &[Self; 2], first: T, second: T) -> Self {
-        let [a, b] = pair;
+    /// From P, Q and the imaginary part of R: the real parts sum to zero.
+    fn from_vector(v: &SVector<T, 5>) -> Self {
+        Self {
+            coefficients: [
+                Complex::new(v[0], v[1]),
+                Complex::new(v[2], v[3]),
+                Complex::new(-v[0] - v[2], v[4]),
+            ],
+        }
+    }
+
+    /// The linear combination of three tensors.
+    pub fn combine(tensors: &[Self; 3], factors: [T; 3]) -> Self {
+        let [a, b, c] = tensors;
+        let [first, second, third] = factors;
         Self {
             coefficients: core::array::from_fn(|k| {
-                a.coefficients[k] * first + b.coefficients[k] * second
+                a.coefficients[k] * first + b.coefficients[k] * second + c.coefficients[k] * third
             }),
         }
     }
@@ -127,11 +149,11 @@ impl<T: Real> DualTensor<T> {
     }
 }
 
-/// The two smallest right singular vectors of the weighted rows, (T17a), with `Re(P + Q + R) = 0` substituted.
-fn null_pair<T: Real>(
+/// The triangular factor of the weighted rows, (T17a), with `Re(P + Q + R) = 0` substituted.
+fn factor<T: Real>(
     views: impl Iterator<Item = Quadruple<T>>,
     weight: impl Fn(&[Complex<T>; 3]) -> T,
-) -> [DualTensor<T>; 2] {
+) -> TriangularFactor<T, 5> {
     let mut factor = TriangularFactor::<T, 5>::new();
     for view in views {
         let row = frequencies(&view);
@@ -139,13 +161,7 @@ fn null_pair<T: Real>(
         let [e1, e2, e3] = row.map(|z| z * weight);
         factor.push([e1.re - e3.re, -e1.im, e2.re - e3.re, -e2.im, -e3.im]);
     }
-    factor.null_space().vectors.map(|v| DualTensor {
-        coefficients: [
-            Complex::new(v[0], v[1]),
-            Complex::new(v[2], v[3]),
-            Complex::new(-v[0] - v[2], v[4]),
-        ],
-    })
+    factor
 }
 
 /// `e^{i(a_3+a_4-a_1-a_2)}`, `e^{i(a_2+a_4-a_1-a_3)}`, `e^{i(a_2+a_3-a_1-a_4)}`.
@@ -203,7 +219,7 @@ mod tests {
     fn four_landmarks(
         views: impl Iterator<Item = Quadruple<f64>> + Clone,
     ) -> Option<[[Point2<f64>; 4]; 2]> {
-        DualTensor::estimate_pair(views)[0].quadrangles()
+        DualTensor::weakest(views)[0].quadrangles()
     }
 
     #[test]

@@ -23,8 +23,8 @@ const BISECTIONS: usize = 10;
 /// Four landmarks that four or more views see.
 pub struct FourLandmarks {
     landmarks: [usize; 4],
-    /// The tensor that fits best, and the direction in which noise moves it most.
-    tensors: [DualTensor<f64>; 2],
+    /// The tensor that fits best, and the directions in which noise moves it most.
+    tensors: [DualTensor<f64>; 3],
     /// Index of a triple of views that share them.
     pub triple: usize,
 }
@@ -44,7 +44,7 @@ impl FourLandmarks {
             if !known && views.clone().nth(MIN_VIEWS - 1).is_some() {
                 found.push(Self {
                     landmarks,
-                    tensors: DualTensor::estimate_pair(views),
+                    tensors: DualTensor::weakest(views),
                     triple,
                 });
             }
@@ -58,11 +58,26 @@ impl FourLandmarks {
         maps.map(|map| (score(problem, &map), map)).collect()
     }
 
-    /// Maps from the tensors that noise may have turned into the best one: the local minima of the score along the
-    /// circle through it and the direction that the bearings determine least, and the ends of its arcs of real tensors,
-    /// where the landmarks are on a circle and both solutions meet.
-    pub fn along_circle(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
-        let at = |cos, sin| DualTensor::combine(&self.tensors, cos, sin);
+    /// Maps from the tensors that noise may have turned into the best one: the local minima of the score along circles
+    /// through it and the directions that the bearings determine least, and the ends of their arcs of real tensors, where
+    /// the landmarks are on a circle and both solutions meet.
+    pub fn along_circles(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
+        let half = core::f64::consts::FRAC_1_SQRT_2;
+        let directions = [(1.0, 0.0), (0.0, 1.0), (half, half), (half, -half)];
+        let each = |direction| self.along_circle(problem, circle, direction);
+        directions.into_iter().flat_map(each).collect()
+    }
+
+    /// The same for one circle, through this combination of the two directions.
+    fn along_circle(
+        &self,
+        problem: &Problem,
+        circle: Circle,
+        (second, third): (f64, f64),
+    ) -> Vec<ScoredMap> {
+        let at = |cos: f64, sin: f64| {
+            DualTensor::combine(&self.tensors, [cos, sin * second, sin * third])
+        };
         let mut found = local_minima(problem, circle, |cos, sin| {
             self.grown(problem, &at(cos, sin))
         });

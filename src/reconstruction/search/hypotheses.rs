@@ -159,7 +159,7 @@ impl Hypotheses {
                 if !report_progress(progress, "search", done, swept) {
                     return Err(Error::Interrupted);
                 }
-                let found = four.along_circle(problem, Circle::WHOLE);
+                let found = four.along_circles(problem, Circle::WHOLE);
                 scored.extend(hypotheses(found, four.triple));
             }
             return Ok(ranked(scored));
