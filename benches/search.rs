@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How wide must a search be? `cargo bench --bench search --features rayon [-- TRIALS [SEED] [four]]`.
+//! How wide must a search be? `cargo bench --bench search --features rayon [-- TRIALS [SEED] [four [verbose]]]`.
 //!
 //! Failures against time for searches of several widths, over the 75 cells of Dellaert and Stroupe in both
 //! layouts and over harder ones. A search fails when its cost exceeds the least known one of the scene, over
@@ -63,7 +63,8 @@ fn main() {
     let seed: u64 = numbers.next().unwrap_or(0);
     println!("{trials} scenes a cell, seed {seed}");
     if words.iter().any(|word| word == "four") {
-        return four_landmarks(trials, seed);
+        let verbose = words.iter().any(|word| word == "verbose");
+        return four_landmarks(trials, seed, verbose);
     }
     for (name, noises, views, landmarks) in FAMILIES {
         let mut cells = Vec::new();
@@ -137,7 +138,7 @@ fn contest((cell, seed): &(Cell, u64)) -> Vec<(bool, f64)> {
 }
 
 /// Scenes of four landmarks: how many `solve` loses.
-fn four_landmarks(trials: u64, seed: u64) {
+fn four_landmarks(trials: u64, seed: u64, verbose: bool) {
     println!(
         "\n| noise | views | scenes | walls | named | errors | lost | own map not returned | maps | mean time \\[us\\] |"
     );
@@ -169,6 +170,12 @@ fn four_landmarks(trials: u64, seed: u64) {
                 mean(|run| run.maps as f64),
                 mean(|run| run.time * 1e6),
             );
+            for run in runs
+                .iter()
+                .filter(|run| verbose && (run.lost || run.wall != run.named))
+            {
+                println!("    {}", run.what);
+            }
         }
     }
 }
@@ -185,6 +192,7 @@ struct Four {
     maps: usize,
     /// Seconds.
     time: f64,
+    what: String,
 }
 
 fn four((cell, seed): &(Cell, u64)) -> Four {
@@ -226,17 +234,10 @@ fn four((cell, seed): &(Cell, u64)) -> Four {
             truth.termination.was_successful()
                 && !maps.iter().any(|found| is_same(&found.map, &truth.map))
         });
-    if std::env::var_os("VERBOSE").is_some() && (lost || unlisted || wall != named) {
-        let truth = truth.map(|t| (t.cost, t.termination, t.uncertainty, t.sensitivity));
-        let costs: Vec<_> = maps
-            .iter()
-            .map(|found| (found.cost, found.termination))
-            .collect();
-        let error = found.as_ref().err();
-        println!(
-            "{cell:?} {seed}: wall {wall} {named}, lost {lost}, truth {truth:?}, found {costs:?} {error:?}"
-        );
-    }
+    let costs: Vec<f64> = maps.iter().map(|found| found.cost).collect();
+    let doubt = found.as_ref().map(|found| found.uncertainty);
+    let least = truth.as_ref().map(|truth| truth.cost);
+    let what = format!("{cell:?} {seed}: truth {least:?}, costs {costs:?}, uncertainty {doubt:?}");
     Four {
         wall,
         named,
@@ -245,6 +246,7 @@ fn four((cell, seed): &(Cell, u64)) -> Four {
         unlisted,
         maps: maps.len(),
         time,
+        what,
     }
 }
 

@@ -49,8 +49,8 @@ impl<T: Real> DualTensor<T> {
         }
     }
 
-    /// The singular vectors of the smallest singular values, the smallest first: the tensor that fits the bearings best,
-    /// and the directions in which noise moves it most. Each row is over its standard deviation for equal noise in all
+    /// The singular vectors of the smallest singular values, the smallest first: the tensor that fits the bearings
+    /// best, and the directions in which noise moves it most. Each row is over its standard deviation for equal noise in all
     /// bearings. Four views fit the first exactly; fewer, many.
     ///
     /// `views` is iterated several times.

@@ -105,18 +105,20 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     if best.rms >= f64::EPSILON.sqrt() {
         return Ok(());
     }
+    // Above this the value is mostly rounding.
+    let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
+    let per_radian = best.sensitivity * mean_weight(problem);
+    let is_free = !(per_radian < bound);
+    // One of them may be at infinity in the member of the family that was found.
     let width = best.map.width_over_length();
-    if width < FLAT && best.map.landmarks.iter().all(Option::is_some) {
+    if width < FLAT && (is_free || best.map.landmarks.iter().all(Option::is_some)) {
         return Err(Error::Degenerate {
             kind: Degeneracy::CollinearLandmarks,
             value: width,
             bound: FLAT,
         });
     }
-    // Above this the value is mostly rounding.
-    let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
-    let per_radian = best.sensitivity * mean_weight(problem);
-    if !(per_radian < bound) {
+    if is_free {
         return Err(Error::Degenerate {
             kind: Degeneracy::FreeMap,
             value: per_radian,
@@ -128,7 +130,7 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
 
 /// Width over length of the landmarks below which they are on one wall, and leave a family of maps: far above rounding.
 /// Not an option: it is for exact bearings.
-const FLAT: f64 = 1e-7;
+const FLAT: f64 = 1e-6;
 
 /// Root mean square of one over sigma.
 fn mean_weight(problem: &Problem) -> f64 {

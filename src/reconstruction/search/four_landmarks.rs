@@ -10,7 +10,7 @@ use crate::geometry::align;
 use crate::kernels::{DualTensor, Quadruple};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
-use nalgebra::Point2;
+use nalgebra::{Complex, Point2};
 
 /// Minimum number of views that determine four landmarks: each has one equation more than its pose has unknowns, and
 /// the landmarks have four.
@@ -19,6 +19,12 @@ const MIN_VIEWS: usize = 4;
 /// Bisections of an interval between two samples of a circle: to a thousandth of its length, far within the reach of a
 /// refinement.
 const BISECTIONS: usize = 10;
+
+/// Members of the family of a wall that are tried, evenly spaced in the logarithm of the distance from either end.
+const MEMBERS: u32 = 13;
+
+/// How close they come to the ends of the family: this power of 1/e, a four-hundredth of it.
+const NEAREST: f64 = 6.0;
 
 /// Four landmarks that four or more views see.
 pub struct FourLandmarks {
@@ -62,8 +68,7 @@ impl FourLandmarks {
     /// through it and the directions that the bearings determine least, and the ends of their arcs of real tensors, where
     /// the landmarks are on a circle and both solutions meet.
     pub fn along_circles(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
-        let half = core::f64::consts::FRAC_1_SQRT_2;
-        let directions = [(1.0, 0.0), (0.0, 1.0), (half, half), (half, -half)];
+        let directions = [(1.0, 0.0), (0.0, 1.0)];
         let each = |direction| self.along_circle(problem, circle, direction);
         directions.into_iter().flat_map(each).collect()
     }
@@ -125,17 +130,59 @@ impl FourLandmarks {
 ///
 /// `None` unless the map has just four landmarks, all determined.
 pub fn twin(problem: &Problem, map: &Map) -> Option<Map> {
-    let all: Vec<_> = map.landmarks.iter().copied().collect::<Option<_>>()?;
-    let points = <[_; 4]>::try_from(all).ok()?;
+    let points = quadrangle(map)?;
     let quadrangles = DualTensor::of_landmarks(&points).quadrangles()?;
     let twin = quadrangles.into_iter().max_by(|a, b| {
         let [a, b] = [a, b].map(|other| unlike(&points, other));
         a.total_cmp(&b)
     })?;
-    let mut other = Map::empty(problem.views(), problem.landmarks());
-    other.landmarks = twin.map(Some).to_vec();
-    grow(problem, &mut other);
-    Some(other)
+    Some(map_of(problem, twin))
+}
+
+/// Members of the family of maps that landmarks on a wall leave, (T19), for a map of just four landmarks: near a wall the
+/// cost has several minima along the family.
+pub fn along_wall(problem: &Problem, map: &Map) -> Vec<Map> {
+    let Some(points) = quadrangle(map) else {
+        return Vec::new();
+    };
+    let (middle, along) = map.line_of_landmarks();
+    let local = points.map(|point| {
+        let d = point.coords - middle;
+        Complex::new(d.dot(&along), along.perp(&d))
+    });
+    // In this interval of c no landmark passes through infinity: 1 + c x is positive.
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    for z in local {
+        if z.re > 0.0 {
+            low = low.max(-1.0 / z.re);
+        } else if z.re < 0.0 {
+            high = high.min(-1.0 / z.re);
+        }
+    }
+    if !(low.is_finite() && high.is_finite()) {
+        return Vec::new();
+    }
+    let members = (0..MEMBERS).map(|k| {
+        let t = NEAREST * (2.0 * f64::from(k) / f64::from(MEMBERS - 1) - 1.0);
+        let c = low + (high - low) / (1.0 + (-t).exp());
+        let moved = local.map(|z| z / (z * c + 1.0));
+        map_of(problem, moved.map(|z| Point2::new(z.re, z.im)))
+    });
+    members.collect()
+}
+
+/// The landmarks of a map of just four.
+fn quadrangle(map: &Map) -> Option<[Point2<f64>; 4]> {
+    let all: Vec<_> = map.landmarks.iter().copied().collect::<Option<_>>()?;
+    all.try_into().ok()
+}
+
+/// The map grown from the landmarks of a problem that has just four.
+fn map_of(problem: &Problem, points: [Point2<f64>; 4]) -> Map {
+    let mut map = Map::empty(problem.views(), problem.landmarks());
+    map.landmarks = points.map(Some).to_vec();
+    grow(problem, &mut map);
+    map
 }
 
 /// How much two quadrangles differ up to a similarity; infinite when they cannot be compared.

@@ -11,7 +11,7 @@ use super::super::judge::{SAME_COST, is_plausible, same, variance};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::stages::StageOptions;
-use super::four_landmarks::twin;
+use super::four_landmarks::{along_wall, twin};
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
 use crate::adjustment::refine_map;
@@ -135,6 +135,20 @@ impl<'a, 'p> Minima<'a, 'p> {
             done += 1;
         }
         Ok(false)
+    }
+
+    /// Tries the family of a wall from the best minimum of four landmarks.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn follow_wall(&mut self) -> Result<(), Error> {
+        let best = self.lowest();
+        let maps = best.map_or(Vec::new(), |best| along_wall(self.problem, &best.map));
+        let triple = usize::MAX;
+        let starts = maps.into_iter().map(|map| Hypothesis { map, triple });
+        self.try_out(starts, false)?;
+        self.finish(true)?;
+        Ok(())
     }
 
     /// Adds the twin of the best minimum of four landmarks, which has the same cost unless bearings tell directions.

@@ -48,6 +48,9 @@ pub fn lowest(
         }
         minima.finish(hypotheses.four)?;
         if hypotheses.four {
+            if !minima.has_exact() {
+                minima.follow_wall()?;
+            }
             minima.add_twin()?;
         }
     }
