@@ -50,8 +50,8 @@ impl<T: Real> DualTensor<T> {
     }
 
     /// The singular vectors of the smallest singular values, the smallest first: the tensor that fits the bearings
-    /// best, and the directions in which noise moves it most. Each row is over its standard deviation for equal noise in all
-    /// bearings. Four views fit the first exactly; fewer, many.
+    /// best, and the directions in which noise moves it most. Each row is over its standard deviation for equal noise in
+    /// all bearings. Four views fit the first exactly; fewer, many.
     ///
     /// `views` is iterated several times.
     pub fn weakest(views: impl Iterator<Item = Quadruple<T>> + Clone) -> [Self; 3] {
@@ -101,7 +101,7 @@ impl<T: Real> DualTensor<T> {
     ///
     /// The products `d_12 d_34` and so on have the same moduli and sum to zero (Ptolemy): they form a triangle, which
     /// exists in two mirror images, (T17b); each gives the directions of all six sides. Both are the same when the
-    /// landmarks are on a circle. If noise violates the triangle inequality, the nearest triangle is taken, which is flat.
+    /// landmarks are on a circle. If noise violates the triangle inequality, the nearest, a flat triangle, is taken.
     ///
     /// `None` for products that vanish or are not finite.
     pub fn quadrangles(&self) -> Option<[[Point2<T>; 4]; 2]> {

@@ -111,25 +111,17 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     let is_free = !(per_radian < bound);
     // One of them may be at infinity in the member of the family that was found.
     let width = best.map.width_over_length();
-    if width < FLAT && (is_free || best.map.landmarks.iter().all(Option::is_some)) {
-        return Err(Error::Degenerate {
-            kind: Degeneracy::CollinearLandmarks,
-            value: width,
-            bound: FLAT,
-        });
-    }
-    if is_free {
-        return Err(Error::Degenerate {
-            kind: Degeneracy::FreeMap,
-            value: per_radian,
-            bound,
-        });
-    }
-    Ok(())
+    let is_wall = width < FLAT && (is_free || best.map.landmarks.iter().all(Option::is_some));
+    let (kind, value, bound) = match (is_wall, is_free) {
+        (true, _) => (Degeneracy::CollinearLandmarks, width, FLAT),
+        (false, true) => (Degeneracy::FreeMap, per_radian, bound),
+        (false, false) => return Ok(()),
+    };
+    Err(Error::Degenerate { kind, value, bound })
 }
 
-/// Width over length of the landmarks below which they are on one wall, and leave a family of maps: far above rounding.
-/// Not an option: it is for exact bearings.
+/// Width over length of the landmarks below which they are on one wall: far above rounding. Not an option: it is for
+/// exact bearings.
 const FLAT: f64 = 1e-6;
 
 /// Root mean square of one over sigma.

@@ -65,8 +65,8 @@ impl FourLandmarks {
     }
 
     /// Maps from the tensors that noise may have turned into the best one: the local minima of the score along circles
-    /// through it and the directions that the bearings determine least, and the ends of their arcs of real tensors, where
-    /// the landmarks are on a circle and both solutions meet.
+    /// through it and the directions that the bearings determine least, and the ends of their arcs of real tensors,
+    /// where the landmarks are on a circle and both solutions meet.
     pub fn along_circles(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
         let directions = [(1.0, 0.0), (0.0, 1.0)];
         let each = |direction| self.along_circle(problem, circle, direction);
@@ -139,8 +139,8 @@ pub fn twin(problem: &Problem, map: &Map) -> Option<Map> {
     Some(map_of(problem, twin))
 }
 
-/// Members of the family of maps that landmarks on a wall leave, (T19), for a map of just four landmarks: near a wall the
-/// cost has several minima along the family.
+/// Members of the family of maps that landmarks on a wall leave, (T19), for a map of just four landmarks: near a wall
+/// the cost has several minima along the family.
 pub fn along_wall(problem: &Problem, map: &Map) -> Vec<Map> {
     let Some(points) = quadrangle(map) else {
         return Vec::new();
