@@ -148,6 +148,11 @@ impl<'a, 'p> Minima<'a, 'p> {
         let starts = maps.into_iter().map(|map| Hypothesis { map, triple });
         self.try_out(starts, false)?;
         self.finish(true)?;
+        // What has not converged is somewhere in the valley of a minimum that has.
+        let least = self.lowest().map_or(0.0, |best| best.cost);
+        let is_minimum = |found: &Reconstruction| found.termination.was_successful();
+        self.minima
+            .retain(|(found, _)| is_minimum(found) || found.cost <= least);
         Ok(())
     }
 
