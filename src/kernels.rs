@@ -2,6 +2,8 @@
 //! Closed-form estimators without a heap: constant memory for any number of landmarks.
 
 mod calibrated;
+#[cfg(feature = "alloc")]
+mod four_landmarks;
 mod gram;
 mod lanes;
 mod motion;
@@ -17,6 +19,8 @@ mod triangulate;
 mod view_triangle;
 
 pub use calibrated::CalibratedTensor;
+#[cfg(feature = "alloc")]
+pub(crate) use four_landmarks::{DualTensor, Quadruple};
 pub use motion::Motion;
 pub use projective::{
     Epipoles, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,

@@ -34,6 +34,8 @@ pub enum Degeneracy {
     UncorrelatedPoints,
     /// All views and landmarks of a start are in one place.
     CoincidentStart,
+    /// All landmarks are on one wall: exact bearings leave a family of maps.
+    CollinearLandmarks,
     /// Exact bearings leave a direction of the map free besides the gauge.
     FreeMap,
     /// Odometry and priors leave part of the gauge free, although covariances in their frame were requested.
@@ -134,6 +136,11 @@ impl Degeneracy {
                 "extent of the start",
                 "start from views and landmarks in different places",
             ),
+            Self::CollinearLandmarks => (
+                "collinear_landmarks",
+                "width over length of the landmarks, which are on one wall,",
+                "add three sightings of a landmark off the wall",
+            ),
             Self::FreeMap => (
                 "free_map",
                 "sensitivity of the map to bearing noise, in map sizes per radian,",
@@ -195,6 +202,7 @@ mod tests {
             Degeneracy::AmbiguousResection,
             Degeneracy::UncorrelatedPoints,
             Degeneracy::CoincidentStart,
+            Degeneracy::CollinearLandmarks,
             Degeneracy::FreeMap,
             Degeneracy::FreeFrame,
             Degeneracy::SingularNormalEquations,

@@ -65,21 +65,8 @@ impl<T: Real> CalibratedTensor<T> {
         }
         let phase: [Complex<T>; 3] =
             core::array::from_fn(|k| self.coefficients[k] * (T::one() / sides[k]));
-        // Heron's formula: cos and sin of beta without cancellation in a flat triangle.
-        let halves = T::lit(0.5) / (la * lb);
-        let cos = ((lc - la) * (lc + la) - lb * lb) * halves;
-        let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
-        let sin = area.max(T::zero()).sqrt() * halves;
-        // In a flat triangle the cosine is 1 or -1.
-        let cos = if area > T::zero() {
-            cos
-        } else if cos > T::zero() {
-            T::one()
-        } else {
-            -T::one()
-        };
-        Ok([sin, -sin].map(|sin| {
-            let beta = Complex::new(cos, sin);
+        let beta = angle_of_sides(la, lb, lc);
+        Ok([beta, beta.conj()].map(|beta| {
             // C' = -(A' + B'), all relative to the phase of A'.
             let opposite = -(beta * lb + la);
             let gamma = opposite * (T::one() / opposite.norm_sqr().sqrt());
@@ -95,9 +82,28 @@ impl<T: Real> CalibratedTensor<T> {
     }
 }
 
+/// `e^{i beta}` for which `la + lb e^{i beta}` has the length `lc`, from Heron's formula: cos and sin without
+/// cancellation in a flat triangle. Where no triangle has these sides, the nearest flat one is taken.
+#[inline(always)]
+pub(super) fn angle_of_sides<T: Real>(la: T, lb: T, lc: T) -> Complex<T> {
+    let halves = T::lit(0.5) / (la * lb);
+    let cos = ((lc - la) * (lc + la) - lb * lb) * halves;
+    let area = (la + lb + lc) * (lb + lc - la) * (la + lc - lb) * (la + lb - lc);
+    let sin = area.max(T::zero()).sqrt() * halves;
+    // In a flat triangle the cosine is 1 or -1.
+    let cos = if area > T::zero() {
+        cos
+    } else if cos > T::zero() {
+        T::one()
+    } else {
+        -T::one()
+    };
+    Complex::new(cos, sin)
+}
+
 /// One of the two square roots of a unit complex number, again of unit length.
 #[inline]
-fn square_root<T: Real>(z: Complex<T>) -> Complex<T> {
+pub(super) fn square_root<T: Real>(z: Complex<T>) -> Complex<T> {
     let half = T::lit(0.5);
     let large = ((T::one() + z.re.abs()) * half).sqrt();
     let small = z.im * half / large;

@@ -14,7 +14,7 @@ use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
-use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2};
 
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +37,31 @@ impl Map {
     /// Whether every pose and landmark has an estimate.
     pub fn is_complete(&self) -> bool {
         self.poses.iter().all(Option::is_some) && self.landmarks.iter().all(Option::is_some)
+    }
+
+    /// How far the landmarks are from one line: their width over their length.
+    pub(crate) fn width_over_length(&self) -> f64 {
+        let points = self.landmarks.iter().flatten();
+        let (middle, direction) = self.line_of_landmarks();
+        let (width, length) = points.fold((0.0, 0.0), |(width, length), point| {
+            let offset = point.coords - middle;
+            let (along, across) = (offset.dot(&direction), offset.perp(&direction));
+            (width + across * across, length + along * along)
+        });
+        (width / length).sqrt()
+    }
+
+    /// A point and the direction of the line that the landmarks are nearest to.
+    pub(crate) fn line_of_landmarks(&self) -> (Vector2<f64>, Vector2<f64>) {
+        let points = || self.landmarks.iter().flatten().map(|point| point.coords);
+        let middle = points().sum::<Vector2<f64>>() / points().count().max(1) as f64;
+        let moments = points().map(|point| point - middle);
+        let (difference, twice) = moments.fold((0.0, 0.0), |(difference, twice), d| {
+            (difference + d.x * d.x - d.y * d.y, twice + 2.0 * d.x * d.y)
+        });
+        // At half the angle of the second moments.
+        let (sin, cos) = (0.5 * f64::atan2(twice, difference)).sin_cos();
+        (middle, Vector2::new(cos, sin))
     }
 
     /// The determined views, then landmarks.

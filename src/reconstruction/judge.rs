@@ -103,20 +103,29 @@ pub fn refuse_free(problem: &Problem, best: &Reconstruction) -> Result<(), Error
     if !problem.priors().is_empty() {
         return Ok(());
     }
+    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
+    // uncertainty shows it.
+    if best.rms >= f64::EPSILON.sqrt() {
+        return Ok(());
+    }
     // Above this the value is mostly rounding.
     let bound = 1.0 / (8.0 * f64::EPSILON.sqrt());
     let per_radian = best.sensitivity * mean_weight(problem);
-    // When the bearings are explained to rounding, the geometry must be at fault; with noise the
-    // uncertainty shows it.
-    if !(per_radian < bound) && best.rms < f64::EPSILON.sqrt() {
-        return Err(Error::Degenerate {
-            kind: Degeneracy::FreeMap,
-            value: per_radian,
-            bound,
-        });
-    }
-    Ok(())
+    let is_free = !(per_radian < bound);
+    // One of them may be at infinity in the member of the family that was found.
+    let width = best.map.width_over_length();
+    let is_wall = width < FLAT && (is_free || best.map.landmarks.iter().all(Option::is_some));
+    let (kind, value, bound) = match (is_wall, is_free) {
+        (true, _) => (Degeneracy::CollinearLandmarks, width, FLAT),
+        (false, true) => (Degeneracy::FreeMap, per_radian, bound),
+        (false, false) => return Ok(()),
+    };
+    Err(Error::Degenerate { kind, value, bound })
 }
+
+/// Width over length of the landmarks below which they are on one wall: far above rounding. Not an option: it is for
+/// exact bearings.
+const FLAT: f64 = 1e-6;
 
 /// Root mean square of one over sigma.
 fn mean_weight(problem: &Problem) -> f64 {

@@ -2,6 +2,7 @@
 //! The search for the lowest minimum from bearings alone.
 
 pub(crate) mod first_three;
+pub(crate) mod four_landmarks;
 pub(crate) mod hypotheses;
 pub(crate) mod landmark_moves;
 pub(crate) mod minima;

@@ -103,8 +103,8 @@ pub fn refine(
 /// the best are refined until one is as low as the noise predicts or two end in the same minimum.
 /// Otherwise more hypotheses are made by varying the tensors along the direction that the bearings
 /// determine least. Then single landmarks are tried in other places. The lowest minimum is returned, with
-/// the rivals that explain the bearings nearly as well (the mirror branch of three views, the several
-/// exact maps of four landmarks). Odometry and priors, where the problem has any, give further starts.
+/// the rivals that explain the bearings nearly as well (the mirror branch of three views, the twin
+/// of four landmarks). Odometry and priors, where the problem has any, give further starts.
 ///
 /// From bearings alone, the first determined view is at the origin with heading 0 and the
 /// root-mean-square distance of the other views from it is 1. Views and landmarks that the bearings do not
@@ -113,7 +113,8 @@ pub fn refine(
 /// # Errors
 /// [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks
 /// (four, where there is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks
-/// along one wall, views in one place) or exact bearings leave a direction of the map free;
+/// along one wall, views in one place) or exact bearings leave a direction of the map free (four landmarks along one
+/// wall or circle);
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress` says
 /// so; with [`SolveOptions::robust`], [`Error::SigmaTooLarge`] for a sigma above 0.35 rad and
 /// [`Error::NoConsensus`]. With noise, a degenerate geometry shows in [`Reconstruction::uncertainty`]: look

@@ -76,6 +76,30 @@ fn landmarks_along_one_wall() {
     assert!(uncertainty < 0.3, "{uncertainty}");
 }
 
+/// Four landmarks are sought in another way, and each of their maps has the bearings of a family.
+#[test]
+fn a_wall_of_four_is_named() {
+    for seed in 0..20 {
+        let along = |k: f64| (0.7 + 1.3 * k + 0.9 * f64::from(seed)).sin();
+        let four = [0.0, 1.0, 2.0, 3.0].map(|k| {
+            let x = 1.5 * k + along(k);
+            Point2::new(x, 4.0 + 0.3 * x)
+        });
+        for views in [4, 5, 9] {
+            let poses: Vec<Pose<f64>> = (0..views)
+                .map(|k| f64::from(k) + f64::from(seed))
+                .map(|k| pose(3.0 + 3.0 * (1.1 * k).cos(), (2.3 * k).sin(), 0.4 * k))
+                .collect();
+            let Err(Error::Degenerate { kind, value, bound }) = solve_exact(&poses, &four, 0.0)
+            else {
+                panic!("a wall determines no map: {seed} {views}");
+            };
+            assert_eq!(kind, Degeneracy::CollinearLandmarks, "{seed} {views}");
+            assert!(value < bound, "{value} {bound}");
+        }
+    }
+}
+
 #[test]
 fn views_in_one_place() {
     let turning = [

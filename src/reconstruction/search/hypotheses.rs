@@ -4,8 +4,9 @@
 use super::super::grow::{grow, score};
 use super::super::judge::near;
 use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
+use super::four_landmarks::FourLandmarks;
 use super::options::{DrawOptions, HypothesisOptions};
-use super::tensor_circle::{Circle, along_circle};
+use super::tensor_circle::{Circle, ScoredMap, along_circle};
 use super::triples::{self, are_rivals, common_bearings};
 use crate::error::Error;
 use crate::kernels::{CalibratedTensor, Method, three_view};
@@ -35,6 +36,8 @@ pub struct Hypotheses {
     pub four: bool,
     /// Triples of views, the best conditioned first, for a wider search.
     triples: Vec<[usize; 3]>,
+    /// The same for four landmarks: those that four views see.
+    quadrangles: Vec<FourLandmarks>,
 }
 
 /// Maps with their scores.
@@ -86,24 +89,30 @@ pub fn search(
         }
     }
     let four = drawn.is_empty() && problem.views() > 3;
+    let mut quadrangles = Vec::new();
     if four {
+        let needed = MIN_SHARED_WITH_FOURTH;
         let count = search.triples.min(stages.hypotheses.max_sweeps);
-        let drawn = triples::draw(problem, MIN_SHARED_WITH_FOURTH, count, *seed, &stages.draw);
-        scored = sweep(problem, &drawn, Circle::WHOLE, progress)?;
+        let drawn = triples::draw(problem, needed, count, *seed, &stages.draw);
+        quadrangles = FourLandmarks::shared(problem, &drawn);
+        for four in &quadrangles {
+            scored.extend(hypotheses(four.solutions(problem), four.triple));
+        }
+        // Where no fourth view sees the same four, or other landmarks tell maps apart.
+        if scored.is_empty() || problem.landmarks() > needed {
+            let swept = sweep(problem, &drawn, Circle::WHOLE, progress)?;
+            scored.extend(distinct(swept, &stages.hypotheses));
+        }
     }
     if scored.is_empty() {
         return Err(failure.unwrap_or_else(|| too_few_shared(problem, &stages.draw)));
     }
-    let maps = if four {
-        distinct(scored, &stages.hypotheses)
-    } else {
-        ranked(scored)
-    };
     Ok(Hypotheses {
-        maps,
+        maps: ranked(scored),
         unique: !four && problem.views() > 3,
         four,
         triples: seeds.into_iter().map(|(_, _, views)| views).collect(),
+        quadrangles,
     })
 }
 
@@ -143,9 +152,21 @@ impl Hypotheses {
         options: &SolveOptions,
         progress: &mut Option<Progress<'_>>,
     ) -> Result<Vec<Hypothesis>, Error> {
-        let triples = &self.triples[..options.search.swept.min(self.triples.len())];
+        let swept = options.search.swept;
+        if self.four {
+            let mut scored = Vec::new();
+            for (done, four) in self.quadrangles.iter().take(swept).enumerate() {
+                if !report_progress(progress, "search", done, swept) {
+                    return Err(Error::Interrupted);
+                }
+                let found = four.along_circles(problem, Circle::WHOLE);
+                scored.extend(hypotheses(found, four.triple));
+            }
+            return Ok(ranked(scored));
+        }
+        let triples = &self.triples[..swept.min(self.triples.len())];
         let scored = sweep(problem, triples, Circle::AROUND_BEST, progress)?;
-        Ok(distinct(scored, &options.stages.hypotheses))
+        Ok(ranked(distinct(scored, &options.stages.hypotheses)))
     }
 }
 
@@ -161,10 +182,15 @@ fn sweep(
         if !report_progress(progress, "search", triple, triples.len()) {
             return Err(Error::Interrupted);
         }
-        let found = along_circle(problem, views, circle).into_iter();
-        scored.extend(found.map(|(score, map)| (score, Hypothesis { map, triple })));
+        scored.extend(hypotheses(along_circle(problem, views, circle), triple));
     }
     Ok(scored)
+}
+
+/// Hypotheses from the maps of one triple.
+fn hypotheses(maps: Vec<ScoredMap>, triple: usize) -> impl Iterator<Item = (f64, Hypothesis)> {
+    maps.into_iter()
+        .map(move |(score, map)| (score, Hypothesis { map, triple }))
 }
 
 /// Hypotheses by their scores, the best first.
@@ -192,11 +218,12 @@ pub fn too_few(problem: &Problem, needed: usize, draw: &DrawOptions) -> Error {
     }
 }
 
-/// The best of each cluster of maps, up to a maximum number of clusters.
-fn distinct(scored: ScoredHypotheses, options: &HypothesisOptions) -> Vec<Hypothesis> {
-    let mut kept: Vec<(Hypothesis, Map)> = Vec::new();
-    for found in ranked(scored) {
-        let normalized = found.map.normalized();
+/// The best of each cluster of maps, up to a maximum number of clusters, the best first.
+fn distinct(mut scored: ScoredHypotheses, options: &HypothesisOptions) -> ScoredHypotheses {
+    scored.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut kept: Vec<((f64, Hypothesis), Map)> = Vec::new();
+    for found in scored {
+        let normalized = found.1.map.normalized();
         if kept
             .iter()
             .all(|(_, other)| !near(&normalized, other, options.cluster))

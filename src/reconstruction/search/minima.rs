@@ -11,6 +11,7 @@ use super::super::judge::{SAME_COST, is_plausible, same, variance};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::stages::StageOptions;
+use super::four_landmarks::{along_wall, twin};
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
 use crate::adjustment::refine_map;
@@ -136,6 +137,47 @@ impl<'a, 'p> Minima<'a, 'p> {
         Ok(false)
     }
 
+    /// Tries the family of a wall from the best minimum of four landmarks.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn follow_wall(&mut self) -> Result<(), Error> {
+        let best = self.lowest();
+        let maps = best.map_or(Vec::new(), |best| along_wall(self.problem, &best.map));
+        let triple = usize::MAX;
+        let starts = maps.into_iter().map(|map| Hypothesis { map, triple });
+        self.try_out(starts, false)?;
+        self.finish(true)?;
+        // What has not converged is somewhere in the valley of a minimum that has.
+        let least = self.lowest().map_or(0.0, |best| best.cost);
+        let is_minimum = |found: &Reconstruction| found.termination.was_successful();
+        self.minima
+            .retain(|(found, _)| is_minimum(found) || found.cost <= least);
+        Ok(())
+    }
+
+    /// Adds the twin of the best minimum of four landmarks, which has the same cost unless bearings tell directions.
+    ///
+    /// # Errors
+    /// As [`Minima::try_out`].
+    pub fn add_twin(&mut self) -> Result<(), Error> {
+        let twin = self.lowest().and_then(|best| twin(self.problem, &best.map));
+        if let Some(map) = twin {
+            let most = self.stages.minima.finished_iterations;
+            let iterations = self.refine.max_iterations.min(most);
+            if let Some(found) = self.refine(map, iterations, 0, (0, 1))? {
+                self.minima.push((found, usize::MAX));
+            }
+        }
+        Ok(())
+    }
+
+    /// The minimum of least cost.
+    fn lowest(&self) -> Option<&Reconstruction> {
+        let minima = self.minima.iter().map(|(found, _)| found);
+        minima.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
     /// Whether one of the minima explains the bearings to rounding.
     pub fn has_exact(&self) -> bool {
         self.minima
@@ -149,12 +191,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// As [`Minima::try_out`].
     pub fn move_landmarks(&mut self) -> Result<(), Error> {
         for _ in 0..self.stages.minima.move_rounds {
-            let lowest = self
-                .minima
-                .iter()
-                .map(|(found, _)| found)
-                .min_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(best) = lowest else { break };
+            let Some(best) = self.lowest() else { break };
             if best.freedom == 0 || best.termination == Termination::ZeroResidual {
                 break;
             }

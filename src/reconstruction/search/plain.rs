@@ -39,9 +39,20 @@ pub fn lowest(
         minima.try_out(maps, false)?;
         if !minima.has_exact() && search.swept > 0 {
             let maps = hypotheses.widened(problem, options, minima.progress)?;
-            minima.try_out(maps.into_iter().take(2 * search.candidates), false)?;
+            let most = if hypotheses.four {
+                maps.len()
+            } else {
+                2 * search.candidates
+            };
+            minima.try_out(maps.into_iter().take(most), false)?;
         }
         minima.finish(hypotheses.four)?;
+        if hypotheses.four {
+            if !minima.has_exact() {
+                minima.follow_wall()?;
+            }
+            minima.add_twin()?;
+        }
     }
     minima.move_landmarks()?;
     best_of(problem, minima, &options.stages)

@@ -44,13 +44,9 @@ pub type ScoredMap = (f64, Map);
 pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<ScoredMap> {
     let (triples, _) = common_bearings(problem, views);
     let basis = CalibratedTensor::null_pair(&triples);
-    // One tensor after the other along the circle, both branches of each.
-    let mut scored: [Vec<ScoredMap>; 2] = [Vec::new(), Vec::new()];
-    for place in 0..circle.places {
-        let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
-        let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
-        let motions = CalibratedTensor::combine(&basis, cos, sin * circle.width).motions(&triples);
-        for (branch, scored) in scored.iter_mut().enumerate() {
+    local_minima(problem, circle, |cos, sin| {
+        let motions = CalibratedTensor::combine(&basis, cos, sin).motions(&triples);
+        [0, 1].map(|branch| {
             let mut map = Map::empty(problem.views(), problem.landmarks());
             if let Ok(motions) = &motions {
                 for (&view, pose) in views.iter().zip(motions[branch].poses) {
@@ -58,6 +54,23 @@ pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec
                 }
                 grow(problem, &mut map);
             }
+            map
+        })
+    })
+}
+
+/// The local minima of the score along a half circle of tensors, each of which gives two maps.
+pub fn local_minima(
+    problem: &Problem,
+    circle: Circle,
+    mut maps: impl FnMut(f64, f64) -> [Map; 2],
+) -> Vec<ScoredMap> {
+    // One tensor after the other along the circle, both branches of each.
+    let mut scored: [Vec<ScoredMap>; 2] = [Vec::new(), Vec::new()];
+    for place in 0..circle.places {
+        let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
+        let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
+        for (scored, map) in scored.iter_mut().zip(maps(cos, sin * circle.width)) {
             scored.push((score(problem, &map), map));
         }
     }
