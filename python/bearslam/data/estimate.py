@@ -19,7 +19,7 @@ __all__ = ["Estimate", "Termination", "Undetermined", "outliers", "per_sighting"
 Entry = TypeVar("Entry", bound=np.generic)
 
 Termination: TypeAlias = Literal[
-    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "singular"
+    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "overshot", "singular"
 ]
 """Why a refinement ended. The second to fourth are minima: the last step lowered the cost by less than the tolerance,
 the residuals are zero, or no step lowers the cost."""
