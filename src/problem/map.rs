@@ -14,7 +14,7 @@ use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
-use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
+use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2};
 
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +56,14 @@ impl Map {
             let (pose, point) = (self.poses[s.view]?, self.landmarks[s.landmark]?);
             Some(problem.residual(&pose, &point, s))
         })
+    }
+
+    /// The positions of the determined views.
+    pub(crate) fn view_positions(&self) -> impl Iterator<Item = Vector2<f64>> + Clone + '_ {
+        self.poses
+            .iter()
+            .flatten()
+            .map(|pose| pose.translation.vector)
     }
 
     /// # Errors

@@ -2,6 +2,8 @@
 //! Choice of the strategy by how much the views see, and the result of several components.
 
 use super::attempt::{attempt, converged, recoverable};
+use super::collapsed::refuse_collapsed;
+use super::far_views::without_far_views;
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, choose, is_too_costly, judged};
@@ -39,10 +41,12 @@ pub fn solve(
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
     let best = persist(problem, options, best, progress)?;
-    judged(
-        problem,
-        converged(problem, best, &options.refine, progress)?,
-    )
+    let mut best = converged(problem, best, &options.refine, progress)?;
+    // It may have gone on to infinity.
+    drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
+    let best = without_far_views(problem, best, options, progress)?;
+    refuse_collapsed(&best, &options.stages.judge)?;
+    judged(problem, best)
 }
 
 /// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
@@ -69,7 +73,7 @@ fn persist(
                 continue;
             };
             map = Reconstruction::new(problem, &start, report);
-            map.components = components;
+            map.attach(components);
         }
         let enough = !is_too_costly(problem, &map, judge) && map.components.is_empty();
         found.push(map);
@@ -201,14 +205,7 @@ fn no_map(problem: &Problem, options: &SolveOptions) -> Error {
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
-    main.components = maps.collect();
-    let others = &main.components;
-    main.undetermined.retain(|undetermined| {
-        others.iter().all(|other| match undetermined.subject {
-            Subject::View(view) => other.map.poses[view].is_none(),
-            Subject::Landmark(landmark) => other.map.landmarks[landmark].is_none(),
-        })
-    });
+    main.attach(maps.collect());
     for undetermined in &mut main.undetermined {
         if let (Subject::View(view), Why::Degenerate) = (undetermined.subject, undetermined.why)
             && resect_view(problem, &main.map, view).is_some()
