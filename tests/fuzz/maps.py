@@ -23,7 +23,7 @@ NEAR = 1e3
 LEAST = 0.01
 """Share of the cost that a converged map may still promise to lose."""
 TIGHT = 1e-8
-"""Largest tolerance with which a refinement ends at a minimum: one that converges slowly has a hundred such steps left."""
+"""Largest tolerance with which a refinement ends at a minimum: a slow one has a hundred such steps left."""
 LARGEST = 300
 """Sightings of the largest map that is tested for it."""
 MINIMA = ("converged", "zero_residual", "no_progress")

@@ -82,8 +82,8 @@ class Estimate:
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
         Why the refinement ended: "converged" (a further step would lower the cost by less than the tolerance),
-        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations", "singular";
-        "not_refined" where there was none.
+        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations",
+        "overshot" (a full step of Gauss-Newton raises the cost), "singular"; "not_refined" where there was none.
     iterations : int
         Iterations of the refinement.
     freedom : int
