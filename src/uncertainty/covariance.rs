@@ -9,6 +9,8 @@ use crate::adjustment::decompose::symmetric_eigen;
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal_equations::Normal;
 use crate::error::{Degeneracy, Error};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
