@@ -6,6 +6,7 @@ mod degeneracy;
 pub use degeneracy::Degeneracy;
 
 use core::fmt;
+use core::ops::RangeInclusive;
 
 /// Invalid input, or a geometry that does not determine the answer.
 ///
@@ -78,6 +79,17 @@ pub enum Error {
         value: f64,
         /// The largest usable value \[rad\].
         bound: f64,
+    },
+    /// An option out of its range.
+    BadOption {
+        /// The option.
+        what: &'static str,
+        /// The value that came.
+        value: f64,
+        /// The least usable value.
+        least: f64,
+        /// The largest usable value.
+        most: f64,
     },
     /// An index is out of range.
     OutOfRange {
@@ -156,6 +168,23 @@ impl Error {
     }
 }
 
+/// Refuses an option that is not within its range, or NaN.
+pub(crate) fn check_option(
+    what: &'static str,
+    value: f64,
+    range: &RangeInclusive<f64>,
+) -> Result<(), Error> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(Error::BadOption {
+        what,
+        value,
+        least: *range.start(),
+        most: *range.end(),
+    })
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -205,6 +234,15 @@ impl fmt::Display for Error {
                 f,
                 "{what}: outliers can be identified only below {bound} rad, got {value} at index {index}; \
                  give the standard deviation of a bearing in radians"
+            ),
+            Self::BadOption {
+                what,
+                value,
+                least,
+                most,
+            } => write!(
+                f,
+                "{what}: expected a number from {least:e} to {most:e}, got {value:e}"
             ),
             Self::OutOfRange {
                 what,

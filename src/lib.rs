@@ -99,7 +99,7 @@ pub use kernels::{
     TrifocalTensor, Triple, epipoles, intrinsic_homographies, projective_tensor, real_epipoles,
     resect, three_view, three_view_with_landmarks, triangulate, trifocal_tensor,
 };
-pub use lm::{Loss, Observer, Outcome, RefineOptions, Termination};
+pub use lm::{LOSS_WIDTHS, Loss, Observer, Outcome, RefineOptions, Termination};
 #[cfg(feature = "alloc")]
 pub use problem::{
     DATA_MAGNITUDES, IndexedSighting, LandmarkPrior, Map, Noise, Odometry, PosePrior, Problem,

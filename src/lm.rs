@@ -11,7 +11,7 @@ mod options;
 mod termination;
 
 pub use bearing_residual::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
-pub use loss::Loss;
+pub use loss::{LOSS_WIDTHS, Loss};
 pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
 pub use options::{Observer, RefineOptions, ZERO_PIVOT_EPS};
 pub use termination::Termination;

@@ -2,6 +2,8 @@
 //! Maps of many views without an initial guess.
 
 mod attempt;
+mod collapsed;
+mod far_views;
 pub(crate) mod global;
 pub(crate) mod grow;
 mod incremental;

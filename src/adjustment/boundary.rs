@@ -31,6 +31,11 @@ const FAR: f64 = 20.0;
 /// lower: each attempt is ten times closer than the one before, so there are only a few.
 const CLOSER: f64 = 0.1;
 
+/// Distance of a landmark at infinity from the middle of the views, in root mean square distances of the views from it,
+/// below which it is at infinity no more: the descent has enlarged the map until its parallax is within reach of the
+/// bearings. It is entered at some 1e7.
+const NO_LONGER_INFINITE: f64 = 1e4;
+
 /// Iterations within which a boundary must become lower than the interior: bounds the time of a failed attempt.
 const ATTEMPT: usize = 10;
 
@@ -184,16 +189,23 @@ impl<'a> Boundaries<'a> {
         true
     }
 
-    /// Undoes the first boundary that is not lower than the interior, or from which the cost falls inwards, and
-    /// all boundaries entered after it; `false` when there is none.
+    /// Undoes the first boundary that is not lower than the interior, or from which the cost falls inwards, or that has
+    /// come near, and all boundaries entered after it; `false` when there is none.
     pub fn leave_wrong(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
         let wrong = if self.is_undecided(adjustment.cost) {
             Some(self.entered.len() - 1)
         } else {
             let mut boundaries = self.entered.iter().map(|trial| trial.boundary);
-            boundaries.position(|boundary| self.falls_inwards(boundary, adjustment))
+            boundaries.position(|boundary| {
+                self.falls_inwards(boundary, adjustment) || self.has_come_near(boundary, adjustment)
+            })
         };
-        let Some(trial) = wrong.and_then(|wrong| self.entered.drain(wrong..).next()) else {
+        wrong.is_some_and(|wrong| self.leave_from(wrong, adjustment))
+    }
+
+    /// Undoes a boundary and all that were entered after it; `false` when there is none.
+    fn leave_from(&mut self, wrong: usize, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
+        let Some(trial) = self.entered.drain(wrong..).next() else {
             return false;
         };
         self.refused
@@ -229,6 +241,16 @@ impl<'a> Boundaries<'a> {
         slope < 0.0
     }
 
+    /// Whether a landmark at infinity has come near, because the map has grown.
+    fn has_come_near(&self, boundary: Boundary, adjustment: &BundleAdjustment<'_, '_>) -> bool {
+        let Boundary::Infinity(landmark) = boundary else {
+            return false;
+        };
+        let (middle, size) = middle(&adjustment.bundle);
+        let away = (adjustment.bundle.landmarks[landmark].coords - middle).norm();
+        !(away > size * NO_LONGER_INFINITE)
+    }
+
     /// Direction of a measured bearing in the map.
     fn ray(&self, bundle: &Bundle, sighting: usize) -> Vector2<f64> {
         let s = &self.problem.sightings()[sighting];
@@ -237,17 +259,24 @@ impl<'a> Boundaries<'a> {
     }
 
     /// Moves each landmark that is on a view off it along its measured bearing, because on the view it has no
-    /// bearing; the distance is too small to change the cost.
-    pub fn step_inside(&self, adjustment: &mut BundleAdjustment<'_, '_>) {
+    /// bearing; the distance is too small to change the cost. Where it does change it, because other views are in the same
+    /// place, the state before the first boundary returns, and `false`.
+    pub fn step_inside(&mut self, adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
         for trial in &self.entered {
             if let Boundary::View(k) = trial.boundary {
-                let step = self.ray(&adjustment.bundle, k) * (f64::EPSILON.sqrt() * 0.1);
+                let view = self.problem.sightings()[k].view;
+                let place = adjustment.bundle.poses[view].translation.vector.amax();
+                // Far from the origin, so much that rounding leaves its bearing.
+                let step = f64::EPSILON.sqrt() * 0.1 * place.max(1.0);
+                let step = self.ray(&adjustment.bundle, k) * step;
                 adjustment.bundle.landmarks[trial.boundary.landmark(self.problem)] += step;
             }
         }
-        if !self.entered.is_empty() {
-            adjustment.relinearize();
-        }
+        let Some(entered_at) = self.entered.first().map(|first| first.cost) else {
+            return true;
+        };
+        adjustment.relinearize();
+        adjustment.cost < entered_at || !self.leave_from(0, adjustment)
     }
 }
 

@@ -93,6 +93,19 @@ impl Bundle {
         }
     }
 
+    /// Moves everything so that the first view is at the origin.
+    pub fn come_home(&mut self) {
+        let Some(home) = self.poses.first().map(|pose| pose.translation.vector) else {
+            return;
+        };
+        for pose in &mut self.poses {
+            pose.translation.vector -= home;
+        }
+        for point in &mut self.landmarks {
+            point.coords -= home;
+        }
+    }
+
     /// Scales all positions.
     pub fn scale(&mut self, factor: f64) {
         for pose in &mut self.poses {

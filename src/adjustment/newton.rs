@@ -25,11 +25,29 @@ pub const MAX_FULL: usize = 512;
 /// # Errors
 /// As [`BundleAdjustment::run`].
 pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
-    let limit = adjustment.options.max_iterations;
     let mut newton = Newton::new(Boundaries::new(adjustment.problem), adjustment.problem);
     loop {
+        let termination = descend(adjustment, &mut newton)?;
+        // Whichever way it ends: on its view a landmark has no bearing, and next to it by rounding has any.
+        if newton.boundaries.step_inside(adjustment) {
+            return Ok(termination);
+        }
+        newton.number_parameters();
+        if adjustment.iterations >= adjustment.options.max_iterations {
+            return Ok(Termination::MaxIterations);
+        }
+    }
+}
+
+/// Descends, and enters and leaves boundaries.
+fn descend(
+    adjustment: &mut BundleAdjustment<'_, '_>,
+    newton: &mut Newton<'_>,
+) -> Result<Termination, Error> {
+    let limit = adjustment.options.max_iterations;
+    loop {
         let end = newton.boundaries.limit_of_run(adjustment, limit);
-        let termination = adjustment.run(&mut newton, end)?;
+        let termination = adjustment.run(newton, end)?;
         if newton.boundaries.enter_candidate(adjustment) {
             newton.number_parameters();
             continue;
@@ -37,7 +55,6 @@ pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, 
         if newton.boundaries.leave_wrong(adjustment) {
             newton.number_parameters();
         } else if termination != Termination::MaxIterations || adjustment.iterations == limit {
-            newton.boundaries.step_inside(adjustment);
             return Ok(termination);
         }
         if adjustment.iterations == limit {

@@ -45,7 +45,7 @@ pub struct Report {
 /// with [`Map::normalized`].
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no view of the
+/// [`Error::BadOption`] for an option out of its range, [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::TooFew`] when no view of the
 /// start is determined, [`Error::NotFinite`] when the start is not finite, [`Error::Degenerate`] when all of it
 /// is in one place, [`Error::OutOfMemory`] when the normal equations do not fit into memory,
 /// [`Error::Interrupted`] when `observer` says so.
@@ -59,6 +59,7 @@ pub fn refine_map(
     options: &RefineOptions,
     observer: Option<Observer<'_>>,
 ) -> Result<Report, Error> {
+    options.check()?;
     map.check(problem)?;
     let undetermined = map.prune(problem);
     let mut bundle = Bundle::from_map(map);
@@ -88,13 +89,22 @@ pub fn refine_map(
         &scaled
     };
     let mut adjustment = BundleAdjustment::new(active, options, observer, bundle)?;
-    let termination = if is_sparse(active) {
-        minimize_sparse(&mut adjustment)?
-    } else if keeps_landmarks(active) {
-        minimize_reduced::<3, 2>(&mut adjustment)?
-    } else {
-        minimize_reduced::<2, 3>(&mut adjustment)?
-    };
+    let mut termination = descend(&mut adjustment)?;
+    let mut unit = unit;
+    for _ in 0..RESCALINGS {
+        if adjustment.iterations >= options.max_iterations || !active.priors().is_empty() {
+            break;
+        }
+        let Some(grown) = drifted(&adjustment.bundle) else {
+            break;
+        };
+        adjustment.bundle.come_home();
+        adjustment.bundle.scale(1.0 / grown);
+        adjustment.bundle.bring_in();
+        adjustment.relinearize();
+        unit *= grown;
+        termination = descend(&mut adjustment)?;
+    }
     let BundleAdjustment {
         mut bundle,
         cost,
@@ -110,6 +120,36 @@ pub fn refine_map(
         undetermined,
         loss: options.loss,
     })
+}
+
+/// Times that a map whose size or place has drifted is refined again in another unit.
+const RESCALINGS: usize = 3;
+
+/// Sizes of a map, and distances from its origin in sizes, beyond which digits are lost and landmarks at infinity are
+/// no longer there.
+const DRIFTED: f64 = 1e4;
+
+/// The size of a map that has drifted, as the power of two in which it should go on; `None` where it has not.
+///
+/// Nothing holds the gauge of a map from bearings alone: a step along a direction that is hardly determined may enlarge
+/// it a million times.
+fn drifted(bundle: &Bundle) -> Option<f64> {
+    let grown = bundle.unit().ok()?;
+    let first = bundle.poses.first()?.translation.vector.amax();
+    let stays = grown <= DRIFTED && grown * DRIFTED >= 1.0 && first <= DRIFTED * grown;
+    (!stays).then_some(grown)
+}
+
+/// Descends with the solver that suits the problem.
+fn descend(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
+    let problem = adjustment.problem;
+    if is_sparse(problem) {
+        minimize_sparse(adjustment)
+    } else if keeps_landmarks(problem) {
+        minimize_reduced::<3, 2>(adjustment)
+    } else {
+        minimize_reduced::<2, 3>(adjustment)
+    }
 }
 
 /// The cost of the determined part of a map: half the sum of the losses of residuals over sigma, and of the
@@ -167,7 +207,11 @@ where
     let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
     let squared = adjustment.options.loss == Loss::Squared;
     let newton = small && squared && adjustment.options.damping > 0.0;
-    let first = if newton { limit.min(SOON) } else { limit };
+    let first = if newton {
+        limit.min(adjustment.iterations + SOON)
+    } else {
+        limit
+    };
     match adjustment.run(&mut reduced, first)? {
         Termination::MaxIterations if first < limit => newton::finish(adjustment),
         Termination::Converged if newton && boundary::near_boundary(adjustment) => {

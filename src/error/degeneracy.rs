@@ -38,6 +38,8 @@ pub enum Degeneracy {
     CollinearLandmarks,
     /// Exact bearings leave a direction of the map free besides the gauge.
     FreeMap,
+    /// The best map puts most views into one place and explains nothing.
+    CollapsedMap,
     /// Odometry and priors leave part of the gauge free, although covariances in their frame were requested.
     FreeFrame,
     /// The normal equations of a covariance are singular beyond the free directions.
@@ -146,6 +148,11 @@ impl Degeneracy {
                 "sensitivity of the map to bearing noise, in map sizes per radian,",
                 "add landmarks off their common line or circle, or views from other places",
             ),
+            Self::CollapsedMap => (
+                "collapsed_map",
+                "median distance of the views from their middle, as a share of the largest,",
+                "try another method, and check bearings and identities: the map that was found explains none",
+            ),
             Self::FreeFrame => (
                 "free_frame",
                 "number of directions of the gauge that odometry and priors leave free",
@@ -204,6 +211,7 @@ mod tests {
             Degeneracy::CoincidentStart,
             Degeneracy::CollinearLandmarks,
             Degeneracy::FreeMap,
+            Degeneracy::CollapsedMap,
             Degeneracy::FreeFrame,
             Degeneracy::SingularNormalEquations,
             Degeneracy::NoHypothesis,

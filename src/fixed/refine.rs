@@ -29,7 +29,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
     /// of iterations is reached.
     ///
     /// # Errors
-    /// [`Error::TooFew`] when no view is determined, [`Error::NotFinite`] when the start is not finite,
+    /// [`Error::BadOption`] for an option out of its range, [`Error::TooFew`] when no view is determined, [`Error::NotFinite`] when the start is not finite,
     /// [`Error::Degenerate`] when all of it is in one place. Removed views and landmarks stay removed.
     ///
     /// # Example
@@ -57,6 +57,7 @@ impl<T: Real, const M: usize, const N: usize> FixedMap<T, M, N> {
         workspace: &mut Workspace<T, M, N>,
         options: &RefineOptions<T>,
     ) -> Result<Outcome<T>, Error> {
+        options.check()?;
         self.prune();
         let used = self
             .poses

@@ -3,12 +3,33 @@
 
 use crate::error::{Degeneracy, Error};
 use crate::scalar::Real;
+#[cfg(feature = "alloc")]
+use alloc::vec::Vec;
 use nalgebra::Vector2;
 
 /// The mean of some points.
 #[cfg(feature = "alloc")]
 pub fn centroid(points: &[Vector2<f64>]) -> Vector2<f64> {
     points.iter().fold(Vector2::zeros(), |sum, p| sum + p) / (points.len() as f64)
+}
+
+/// The median, the mean of the middle two of an even number; NaN of none.
+#[cfg(feature = "alloc")]
+pub fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    match values.len() {
+        0 => f64::NAN,
+        odd if odd % 2 == 1 => values[half],
+        _ => (values[half - 1] + values[half]) * 0.5,
+    }
+}
+
+/// The median of each coordinate: unlike the centroid it stays where most points are.
+#[cfg(feature = "alloc")]
+pub fn middle(points: &[Vector2<f64>]) -> Vector2<f64> {
+    let along = |axis: usize| median(points.iter().map(|point| point[axis]).collect());
+    Vector2::new(along(0), along(1))
 }
 
 /// Sum of squared distances from the centroid.

@@ -3,6 +3,7 @@
 
 use super::triangular::TriangularFactor;
 use crate::error::{Degeneracy, Error};
+use crate::geometry::points::horizon;
 use crate::geometry::{Bearing, Pose};
 use crate::scalar::Real;
 use nalgebra::{Complex, Point2, Translation2, UnitComplex};
@@ -38,8 +39,8 @@ pub struct Resection<T: Real> {
 ///
 /// # Errors
 /// [`Error::TooFew`] for fewer than three landmarks; [`Error::NotFinite`] for a landmark or bearing that
-/// is not finite (or whose square overflows); [`Error::Degenerate`] when all landmarks are in one place or
-/// in one direction, or on one circle with the view.
+/// is not finite (or whose square overflows); [`Error::Degenerate`] when all landmarks are in one place, in one
+/// direction or so nearly that the view is beyond the horizon, or on one circle with the view.
 ///
 /// # Example
 /// ```
@@ -116,14 +117,22 @@ where
             bound: bound.as_f64(),
         });
     }
-    let away = normalized
+    let opposite = normalized
         .filter(|(point, bearing)| (bearing.conj() * line.seen(*point)).re < T::zero())
         .count();
-    let (sign, behind) = if 2 * away > count {
-        (-T::one(), count - away)
+    let (sign, behind) = if 2 * opposite > count {
+        (-T::one(), count - opposite)
     } else {
-        (T::one(), away)
+        (T::one(), opposite)
     };
+    let away = line.offset.norm_sqr().sqrt();
+    if !(away <= horizon()) {
+        return Err(Error::Degenerate {
+            kind: Degeneracy::CommonDirection,
+            value: (T::one() / away).as_f64(),
+            bound: (T::one() / horizon::<T>()).as_f64(),
+        });
+    }
     let position = centre - line.offset * line.rotation.conj() * spread;
     Ok(Resection {
         pose: Pose::from_parts(

@@ -1,7 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Robust losses on residuals.
 
+use crate::error::{Error, check_option};
 use crate::scalar::Real;
+use core::ops::RangeInclusive;
+
+/// Widths of a loss \[standard deviations\]. A narrower one takes every residual for an outlier, and its square is lost
+/// in rounding; a wider one is the square.
+pub const LOSS_WIDTHS: RangeInclusive<f64> = 1e-6..=1e6;
 
 /// What a squared residual over sigma, `s = (r / sigma)^2`, adds to twice the cost.
 ///
@@ -30,6 +36,19 @@ impl<T: Real> Loss<T> {
     /// Standard deviations beyond which a bearing is an outlier under [`Loss::Truncated`]: this rejects one
     /// good bearing in 370.
     pub const TRUNCATED: f64 = 3.0;
+
+    /// Refuses a width that is not within [`LOSS_WIDTHS`].
+    ///
+    /// # Errors
+    /// [`Error::BadOption`].
+    pub fn check(self) -> Result<(), Error> {
+        match self {
+            Self::Squared => Ok(()),
+            Self::Huber(c) | Self::Cauchy(c) | Self::Truncated(c) => {
+                check_option("width of the loss", c.as_f64(), &LOSS_WIDTHS)
+            }
+        }
+    }
 
     /// The loss `rho(s)` and its slope, the weight that the residual has in least squares.
     ///

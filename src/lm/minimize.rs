@@ -21,8 +21,8 @@
 //! | gains nothing, or cannot be solved for | rejected | grows tenfold |
 //!
 //! The descent has converged when a gain, or the predicted next one, is below the tolerance, or when the
-//! model predicts no more than that. It has not converged if a gain grows while the damping shrinks,
-//! because the damping then still limits the step.
+//! model predicts no more than that. It has not converged if a gain grows while the damping shrinks, or if the
+//! damping has grown, because the damping then still limits the step.
 //!
 //! The loop is independent of poses, landmarks and matrices, which belong to a [`LeastSquares`] problem. It
 //! uses no heap and cannot panic.
@@ -32,7 +32,8 @@
 
 use super::options::{
     AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
-    MAX_DAMPING, MIN_RAISED_DAMPING, POOR_STEP, RefineOptions, ZERO_RESIDUAL_EPS,
+    LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RefineOptions,
+    ZERO_RESIDUAL_EPS,
 };
 use super::termination::Termination;
 use crate::error::Error;
@@ -96,12 +97,13 @@ pub struct Outcome<T: Real = f64> {
 /// stops the work.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when `observer` says so.
+/// [`Error::BadOption`] for an option out of its range, [`Error::Interrupted`] when `observer` says so.
 pub fn minimize<T: Real>(
     problem: &mut impl LeastSquares<T>,
     options: &RefineOptions<T>,
     mut observer: impl FnMut(usize, T) -> bool,
 ) -> Result<Outcome<T>, Error> {
+    options.check()?;
     let zero = T::zero();
     let tolerance = options.tolerance;
     let gauss_newton = options.damping <= zero;
@@ -110,6 +112,8 @@ pub fn minimize<T: Real>(
     let mut iterations = 0;
     let mut damping = options.damping;
     let mut last_gain = zero;
+    // The damping of the last accepted step.
+    let mut last_damping = damping;
     // The damping at which the last step was rejected, for a problem that keeps it.
     let mut refused = zero;
     let termination = loop {
@@ -131,22 +135,27 @@ pub fn minimize<T: Real>(
                 let gained = cost - lower;
                 cost = lower;
                 problem.accept();
+                let limited = is_limited(damping, last_damping);
+                last_damping = damping;
+                let ratio = gained / predicted;
                 // Near the minimum each gain is a small and shrinking fraction of the one before, so that
-                // the remaining gain is about the next one.
+                // the remaining gain is about the next one. Far from it the first gains say nothing of the last.
                 let rate = gained / last_gain;
-                let left = if rate < T::lit(CONVERGING) {
+                let near = last_gain <= T::lit(NEAR_MINIMUM) * cost;
+                let left = if rate < T::lit(CONVERGING) && near {
                     gained * rate
                 } else {
                     gained
                 };
-                if left <= tolerance * cost && gained <= last_gain {
+                // A poor step may gain little where a better one would gain much.
+                let poor = ratio < T::lit(POOR_STEP) && predicted > tolerance * cost;
+                if left <= tolerance * cost && gained <= last_gain && !limited && !poor {
                     break Termination::Converged;
                 }
                 if problem.wants_pause() {
                     break Termination::MaxIterations;
                 }
                 last_gain = gained;
-                let ratio = gained / predicted;
                 if ratio > T::lit(GOOD_STEP) {
                     let less = damping * T::lit(AFTER_GOOD_STEP);
                     if less > refused {
@@ -157,15 +166,23 @@ pub fn minimize<T: Real>(
                     }
                 } else if ratio < T::lit(POOR_STEP) {
                     damping *= T::lit(AFTER_POOR_STEP);
+                    if damping > T::lit(MAX_DAMPING) {
+                        break Termination::NoProgress;
+                    }
                 }
                 continue;
             }
-            Some(trial) if trial.predicted <= tolerance * cost => break Termination::Converged,
-            Some(_) => problem.reject(),
+            Some(trial)
+                if trial.predicted <= tolerance * cost && !is_limited(damping, last_damping) =>
+            {
+                break Termination::Converged;
+            }
+            Some(_) if gauss_newton => break Termination::Overshot,
             None if gauss_newton => break Termination::Singular,
+            Some(_) => problem.reject(),
             None => {}
         }
-        if gauss_newton || damping > T::lit(MAX_DAMPING) {
+        if damping > T::lit(MAX_DAMPING) {
             break Termination::NoProgress;
         }
         if problem.keeps_refused_damping() {
@@ -178,6 +195,13 @@ pub fn minimize<T: Real>(
         cost,
         iterations,
     })
+}
+
+/// Whether the damping limits the step, so that a small gain is no sign of a minimum: it is large, or has been raised since
+/// the last accepted step. A rejected step that undoes a lowering raises nothing, up to rounding.
+#[inline]
+fn is_limited<T: Real>(damping: T, last: T) -> bool {
+    damping > T::lit(LIMITING_DAMPING) || damping > T::lit(2.0) * last
 }
 
 /// The cost of residuals due to rounding, from one over sigma of each sighting.
@@ -325,7 +349,83 @@ mod tests {
         let outcome = minimize(&mut Valley::from([-1.2, 1.0]), &options, |_, _| true).unwrap();
         assert_eq!(
             (outcome.termination, outcome.iterations),
-            (Termination::NoProgress, 1)
+            (Termination::Overshot, 1)
         );
+    }
+
+    /// Steps with given gains and predicted gains, from a cost of 1; after the last nothing changes.
+    struct Script {
+        cost: f64,
+        steps: &'static [(f64, f64)],
+        gain: f64,
+    }
+
+    impl LeastSquares<f64> for Script {
+        fn cost(&self) -> f64 {
+            self.cost
+        }
+
+        fn try_step(&mut self, _: f64) -> Option<Trial<f64>> {
+            let (&(gain, predicted), left) = self.steps.split_first().unwrap_or((&(0.0, 0.0), &[]));
+            (self.gain, self.steps) = (gain, left);
+            let cost = self.cost - gain;
+            Some(Trial { cost, predicted })
+        }
+
+        fn accept(&mut self) {
+            self.cost -= self.gain;
+        }
+
+        fn reject(&mut self) {}
+
+        fn rounding(&self) -> f64 {
+            0.0
+        }
+    }
+
+    fn iterations(cost: f64, steps: &'static [(f64, f64)], damping: f64) -> (Termination, usize) {
+        let mut script = Script {
+            cost,
+            steps,
+            gain: 0.0,
+        };
+        let options = RefineOptions {
+            damping,
+            ..RefineOptions::default()
+        };
+        let outcome = minimize(&mut script, &options, |_, _| true).unwrap();
+        (outcome.termination, outcome.iterations)
+    }
+
+    #[test]
+    fn a_small_gain_is_a_minimum_only_where_nothing_limits_the_step() {
+        // Two gains, the second tiny and as predicted.
+        const TWO: &[(f64, f64)] = &[(0.1, 0.1), (1e-12, 1e-12), (0.2, 0.2)];
+        assert_eq!(iterations(1.0, TWO, 1e-4), (Termination::Converged, 2));
+        // Under damping that limits it the next may gain much.
+        assert!(iterations(1.0, TWO, 1e3).1 > 3);
+        // After a rejected step the damping has risen.
+        const RAISED: &[(f64, f64)] = &[
+            (0.1, 0.1),
+            (-1.0, 0.1),
+            (-1.0, 0.1),
+            (1e-12, 1e-12),
+            (0.2, 0.2),
+        ];
+        assert!(iterations(1.0, RAISED, 1e-4).1 > 5);
+        const NO_MORE: &[(f64, f64)] = &[
+            (0.1, 0.1),
+            (-1.0, 0.1),
+            (-1.0, 0.1),
+            (-1.0, 1e-12),
+            (0.2, 0.2),
+        ];
+        assert!(iterations(1.0, NO_MORE, 1e-4).1 > 5);
+        // A step that gains a thousandth of what the model promises has overshot.
+        const POOR: &[(f64, f64)] = &[(0.1, 0.1), (1e-11, 1e-3), (0.2, 0.2)];
+        assert!(iterations(1.0, POOR, 1e-4).1 > 3);
+        // Nor does the ratio of two gains tell the next, far from the minimum.
+        const FAR: &[(f64, f64)] = &[(1e15, 1e15), (0.1, 0.1), (0.2, 0.2)];
+        assert!(iterations(1e15 + 1.0, FAR, 1e-4).1 > 3);
     }
 }

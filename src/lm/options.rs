@@ -2,6 +2,7 @@
 //! The options of a refinement, and the fixed thresholds of Levenberg-Marquardt.
 
 use super::loss::Loss;
+use crate::error::{Error, check_option};
 use crate::scalar::Real;
 
 /// Options of a refinement, on the heap or in fixed storage.
@@ -34,6 +35,19 @@ impl<T: Real> Default for RefineOptions<T> {
     }
 }
 
+impl<T: Real> RefineOptions<T> {
+    /// Refuses options that are out of range: a damping that is neither zero nor positive and at most [`MAX_DAMPING`],
+    /// a tolerance that is negative or not finite, a width of the loss beyond [`LOSS_WIDTHS`](super::LOSS_WIDTHS).
+    ///
+    /// # Errors
+    /// [`Error::BadOption`].
+    pub fn check(&self) -> Result<(), Error> {
+        check_option("damping", self.damping.as_f64(), &(0.0..=MAX_DAMPING))?;
+        check_option("tolerance", self.tolerance.as_f64(), &(0.0..=f64::MAX))?;
+        self.loss.check()
+    }
+}
+
 /// A step is good when its gain ratio is above this: the model is trusted further. With [`POOR_STEP`] the
 /// values of Madsen et al., section 2.4 (Marquardt's ratio).
 pub const GOOD_STEP: f64 = 0.75;
@@ -54,12 +68,20 @@ pub const AFTER_REFUSED_STEP: f64 = 10.0;
 /// Minimum damping after a rejected step: from a smaller one many steps would be rejected before one is shorter.
 pub const MIN_RAISED_DAMPING: f64 = 1e-5;
 
-/// Damping above which a step is negligible: 1e-8 of what a parameter would move on its own.
+/// Damping above which a step is negligible: 1e-8 of what a parameter would move on its own. It bounds the option, too:
+/// a descent that began above it could not move.
 pub const MAX_DAMPING: f64 = 1e8;
 
 /// Ratio of successive gains below which the descent converges so fast that the next gain can be predicted,
 /// as for a nearly quadratic cost under a good model.
 pub const CONVERGING: f64 = 0.05;
+
+/// Damping above which every step is so much shorter than an undamped one that its gain is no sign of a minimum.
+pub const LIMITING_DAMPING: f64 = 1e-2;
+
+/// A descent is near its minimum when its last gain was at most this many costs: only then does the ratio of its gains
+/// tell how it goes on. From a start that costs a million times as much, gains shrink whatever is left.
+pub const NEAR_MINIMUM: f64 = 10.0;
 
 /// Factor of the remembered rejected damping after a value above it has been chosen: the next steps may need
 /// less.

@@ -17,6 +17,8 @@ pub enum Termination {
     NoProgress,
     /// The maximum number of iterations was reached.
     MaxIterations,
+    /// A full step does not lower the cost, and damping is zero.
+    Overshot,
     /// The normal equations are singular beyond the gauge and damping is zero.
     Singular,
 }
@@ -38,6 +40,7 @@ impl Termination {
             Self::ZeroResidual => "zero_residual",
             Self::NoProgress => "no_progress",
             Self::MaxIterations => "max_iterations",
+            Self::Overshot => "overshot",
             Self::Singular => "singular",
         }
     }
@@ -52,6 +55,7 @@ impl fmt::Display for Termination {
             Self::ZeroResidual => "converged to zero residuals",
             Self::NoProgress => "no further progress",
             Self::MaxIterations => "not converged",
+            Self::Overshot => "overshot",
             Self::Singular => "singular normal equations",
         })
     }

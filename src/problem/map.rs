@@ -83,6 +83,14 @@ impl Map {
         })
     }
 
+    /// The positions of the determined views.
+    pub(crate) fn view_positions(&self) -> impl Iterator<Item = Vector2<f64>> + Clone + '_ {
+        self.poses
+            .iter()
+            .flatten()
+            .map(|pose| pose.translation.vector)
+    }
+
     /// # Errors
     /// [`Error::LengthMismatch`] when the map is not of the problem's size, [`Error::NotFinite`] and
     /// [`Error::Magnitude`] for a bad number.

@@ -262,6 +262,10 @@ impl Problem {
     ) -> f64 {
         let seen = pose.inverse_transform_point(point);
         let turned = s.bearing.inverse_transform_vector(&seen.coords);
+        // A landmark exactly on its view has no bearing, and no residual.
+        if turned.x == 0.0 && turned.y == 0.0 {
+            return 0.0;
+        }
         if self.oriented || turned.x >= 0.0 {
             signed_angle(turned.x, turned.y)
         } else {

@@ -64,7 +64,6 @@ pub fn converged(
         let mut refined = Reconstruction::new(problem, &map, report);
         refined.iterations += used;
         refined.alternatives = core::mem::take(&mut found.alternatives);
-        refined.components = core::mem::take(&mut found.components);
         // What was at infinity before is no less so.
         let reached = |one: &Undetermined| {
             refined
@@ -80,6 +79,7 @@ pub fn converged(
             .collect();
         refined.undetermined.extend(listed);
         refined.undetermined.sort_by_key(|one| one.subject);
+        refined.attach(core::mem::take(&mut found.components));
         found = refined;
     }
     Ok(found)

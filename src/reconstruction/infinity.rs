@@ -3,6 +3,7 @@
 
 use super::judge::variance;
 use super::result::Reconstruction;
+use crate::geometry::points::{median, middle};
 use crate::lm::Termination;
 use crate::problem::{Map, Prior, Problem, Subject, Undetermined, Why};
 use crate::uncertainty::unbounded_landmarks;
@@ -18,8 +19,8 @@ pub struct InfinityOptions {
     /// Root mean square of the residuals \[rad\] above which a map is taken to be wrong: its landmarks are not tested.
     /// Not sensitive.
     pub plausible_rms: f64,
-    /// No landmark is this many times as far from the first view as the farthest view, or as the nearest landmark: there,
-    /// bearings differ by rounding from those at infinity.
+    /// Nothing is this many times as far from the middle of a map as half of its views and landmarks: there, bearings
+    /// differ by rounding from those at infinity.
     pub horizon: f64,
 }
 
@@ -47,12 +48,16 @@ pub fn drop_landmarks_at_infinity(
             dropped.push(landmark);
         }
     }
-    for landmark in dropped {
-        found.map.landmarks[landmark] = None;
-        found.undetermined.push(Undetermined {
-            subject: Subject::Landmark(landmark),
-            why: Why::AtInfinity,
-        });
+    // Without them the map is smaller, and so is its horizon.
+    while !dropped.is_empty() {
+        for landmark in dropped {
+            found.map.landmarks[landmark] = None;
+            found.undetermined.push(Undetermined {
+                subject: Subject::Landmark(landmark),
+                why: Why::AtInfinity,
+            });
+        }
+        dropped = beyond_horizon(problem, &found.map, options);
     }
     found
         .undetermined
@@ -82,29 +87,56 @@ fn unbounded(problem: &Problem, found: &Reconstruction, options: &InfinityOption
 
 /// The landmarks farther away than any could be, apart from those that priors know.
 fn beyond_horizon(problem: &Problem, map: &Map, options: &InfinityOptions) -> Vec<usize> {
-    let mut places = map
-        .poses
-        .iter()
-        .flatten()
-        .map(|pose| pose.translation.vector);
-    let Some(home) = places.next() else {
+    let Some(horizon) = Horizon::of(map, options) else {
         return Vec::new();
     };
-    let range = |place: &Vector2<f64>| (place - home).norm();
-    let farthest_view = places.map(|place| range(&place)).fold(0.0, f64::max);
-    let ranges = map
-        .landmarks
-        .iter()
-        .flatten()
-        .map(|point| range(&point.coords));
-    let nearest_landmark = ranges.fold(f64::INFINITY, f64::min);
-    let far = farthest_view.max(nearest_landmark) * options.horizon;
     let known = known_landmarks(problem);
     let landmarks = map.landmarks.iter().enumerate();
     let beyond = landmarks.filter(|(landmark, point)| {
-        !known[*landmark] && point.is_some_and(|point| !(range(&point.coords) <= far))
+        !known[*landmark] && point.is_some_and(|point| horizon.is_before(&point.coords))
     });
     beyond.map(|(landmark, _)| landmark).collect()
+}
+
+/// The views farther away than any could be, apart from those that priors know.
+pub fn views_beyond_horizon(problem: &Problem, map: &Map, options: &InfinityOptions) -> Vec<usize> {
+    let Some(horizon) = Horizon::of(map, options) else {
+        return Vec::new();
+    };
+    let is_known = |view: usize| {
+        let mut priors = problem.priors().iter();
+        priors.any(|prior| matches!(prior, Prior::Pose { view: known, .. } if *known == view))
+    };
+    let views = map.poses.iter().enumerate();
+    let beyond = views.filter(|(view, pose)| {
+        pose.is_some_and(|pose| horizon.is_before(&pose.translation.vector)) && !is_known(*view)
+    });
+    beyond.map(|(view, _)| view).collect()
+}
+
+/// The circle around the middle of a map beyond which nothing is told apart.
+struct Horizon {
+    middle: Vector2<f64>,
+    radius: f64,
+}
+
+impl Horizon {
+    /// `None` for a map without a size: half of it is in one place.
+    fn of(map: &Map, options: &InfinityOptions) -> Option<Self> {
+        let landmarks = map.landmarks.iter().flatten().map(|point| point.coords);
+        let places: Vec<Vector2<f64>> = map.view_positions().chain(landmarks).collect();
+        let middle = middle(&places);
+        let size = median(places.iter().map(|place| (place - middle).norm()).collect());
+        (size > 0.0).then(|| Self {
+            middle,
+            radius: size * options.horizon,
+        })
+    }
+
+    /// Whether the horizon is before a place.
+    fn is_before(&self, place: &Vector2<f64>) -> bool {
+        !((place - self.middle).norm() <= self.radius)
+    }
 }
 
 /// Which landmarks have a prior.
@@ -148,4 +180,36 @@ pub fn without_landmarks_behind(problem: &Problem, map: &Map) -> Option<(Map, Ve
         }
     }
     (!dropped.is_empty()).then_some((left, dropped))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::problem::{Noise, PosePrior};
+    use nalgebra::Point2;
+
+    /// The first view is as far away as any: the horizon is around the middle.
+    #[test]
+    fn views_and_landmarks_beyond_the_horizon_are_found_but_for_those_that_priors_know() {
+        let map = Map {
+            poses: [(3e7, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (2.0, 2.0)]
+                .map(|(x, y)| Some(pose(x, y, 0.3)))
+                .to_vec(),
+            landmarks: [(1.0, 2.0), (-1.0, 0.5), (0.0, -2e7), (2.0, 0.1)]
+                .map(|(x, y)| Some(Point2::new(x, y)))
+                .to_vec(),
+        };
+        let problem = Problem::dense(5, 4, &[0.1; 20], 0.1).unwrap();
+        let options = InfinityOptions::default();
+        assert_eq!(views_beyond_horizon(&problem, &map, &options), [0]);
+        assert_eq!(beyond_horizon(&problem, &map, &options), [2]);
+        let known = PosePrior {
+            view: 0,
+            pose: pose(3e7, 0.0, 0.3),
+            noise: Noise::Sigmas([1.0; 3]),
+        };
+        let problem = problem.with_pose_priors(&[known]).unwrap();
+        assert!(views_beyond_horizon(&problem, &map, &options).is_empty());
+    }
 }

@@ -37,6 +37,11 @@ pub struct JudgeOptions {
     /// Degrees of freedom for each outlier below which there is no consensus. Random bearings have a tenth, scenes with
     /// three outliers in ten have one or more. Not sensitive.
     pub spare_per_outlier: f64,
+    /// Root mean square of the residuals \[rad\] above which a map explains nothing. Not sensitive.
+    pub explaining_rms: f64,
+    /// A map that explains nothing has collapsed when the median distance of its views from their middle is below this
+    /// share of the largest: far above rounding, far below any path. Not sensitive.
+    pub collapsed: f64,
     /// With at most this many outliers a map is never taken for a chance agreement. Not sensitive.
     pub few_outliers: usize,
     /// Maximum number of views with which the search goes on because a map leaves something out.
@@ -54,6 +59,8 @@ impl Default for JudgeOptions {
             sightings_per_outlier: 3,
             spare_per_outlier: 0.25,
             few_outliers: 2,
+            explaining_rms: 0.1,
+            collapsed: 1e-8,
             persistent_views: 100,
         }
     }

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Further searches where the first map fits worse than the stated standard deviations allow, or leaves something out.
 
-use super::attempt::{attempt, converged, recoverable};
+use super::attempt::{attempt, recoverable};
 use super::incremental::complete::place_all;
-use super::judge::{choose, is_incomplete, is_too_costly, judged};
+use super::judge::{choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
-use super::strategy::{effective, lowest};
+use super::strategy::{effective, finished, lowest};
 use crate::error::Error;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem};
@@ -28,10 +28,7 @@ pub fn solve(
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
     let best = persist(problem, options, best, progress)?;
-    judged(
-        problem,
-        converged(problem, best, &options.refine, progress)?,
-    )
+    finished(problem, options, best, progress)
 }
 
 /// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
@@ -62,7 +59,7 @@ fn persist(
                 continue;
             };
             map = refined;
-            map.components = components;
+            map.attach(components);
         }
         let enough = suffices(&map);
         found.push(map);

@@ -97,6 +97,19 @@ impl Reconstruction {
     }
 }
 
+impl Reconstruction {
+    /// Takes maps of other views as components: what is in one of them is not undetermined.
+    pub(super) fn attach(&mut self, components: Vec<Self>) {
+        self.undetermined.retain(|one| {
+            components.iter().all(|other| match one.subject {
+                Subject::View(view) => other.map.poses[view].is_none(),
+                Subject::Landmark(landmark) => other.map.landmarks[landmark].is_none(),
+            })
+        });
+        self.components = components;
+    }
+}
+
 /// One line: `12 views, 15 landmarks, rms 0.49 deg, cost 71.2, converged after 6 iterations; 1 landmark undetermined`.
 /// Other components are counted at the end.
 impl fmt::Display for Reconstruction {

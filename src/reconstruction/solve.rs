@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The public functions: `initialize` for a first map, `refine` for a given start, `solve` for the best map.
 
+use super::collapsed::refuse_collapsed;
 use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
@@ -42,22 +43,21 @@ pub fn initialize(
     options: &SolveOptions,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
+    options.refine.check()?;
     let mut progress = progress;
     let maps = strategy::first_maps(problem, options, &mut progress)?;
-    let judged = maps.into_iter().map(|mut map| {
+    let judged = maps.into_iter().filter_map(|mut map| {
         let undetermined = map.prune(problem);
+        map.poses.iter().flatten().next()?;
         let cost = cost(problem, &map, options.refine.loss);
-        Reconstruction::new(
-            problem,
-            &map,
-            Report {
-                cost,
-                termination: Termination::NotRefined,
-                iterations: 0,
-                undetermined,
-                loss: options.refine.loss,
-            },
-        )
+        let report = Report {
+            cost,
+            termination: Termination::NotRefined,
+            iterations: 0,
+            undetermined,
+            loss: options.refine.loss,
+        };
+        Some(Reconstruction::new(problem, &map, report))
     });
     choose(problem, judged.collect(), &options.stages.judge)
 }
@@ -111,7 +111,7 @@ pub fn refine(
 /// determine are `None` and listed with the reason.
 ///
 /// # Errors
-/// [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks
+/// [`Error::BadOption`] for an option of the refinement out of its range; [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks
 /// (four, where there is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks
 /// along one wall, views in one place) or exact bearings leave a direction of the map free (four landmarks along one
 /// wall or circle);
@@ -135,9 +135,12 @@ pub fn solve(
     options: &SolveOptions,
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
+    options.refine.check()?;
     let mut progress = progress;
     if !problem.priors().is_empty() {
-        judged(problem, solve_posterior(problem, options, &mut progress)?)
+        let best = solve_posterior(problem, options, &mut progress)?;
+        refuse_collapsed(&best, &options.stages.judge)?;
+        judged(problem, best)
     } else if options.robust {
         solve_robust(problem, options, &mut progress)
     } else {

@@ -2,6 +2,8 @@
 //! Choice of the strategy by how much the views see, and the result of several components.
 
 use super::attempt::converged;
+use super::collapsed::refuse_collapsed;
+use super::far_views::without_far_views;
 use super::grow::resect_view;
 use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, judged};
@@ -34,10 +36,24 @@ pub fn solve(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
-    judged(
-        problem,
-        converged(problem, best, &options.refine, progress)?,
-    )
+    finished(problem, options, best, progress)
+}
+
+/// The best map refined to the end, without what has gone to infinity by then, and tested for free directions.
+///
+/// # Errors
+/// As [`solve`](super::solve).
+pub fn finished(
+    problem: &Problem,
+    options: &SolveOptions,
+    best: Reconstruction,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let mut best = converged(problem, best, &options.refine, progress)?;
+    drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
+    let best = without_far_views(problem, best, options, progress)?;
+    refuse_collapsed(&best, &options.stages.judge)?;
+    judged(problem, best)
 }
 
 /// As [`solve`], but not yet tested for free directions.
@@ -137,14 +153,7 @@ fn no_map(problem: &Problem, options: &SolveOptions) -> Error {
 pub fn with_components(problem: &Problem, maps: Vec<Reconstruction>) -> Option<Reconstruction> {
     let mut maps = maps.into_iter();
     let mut main = maps.next()?;
-    main.components = maps.collect();
-    let others = &main.components;
-    main.undetermined.retain(|undetermined| {
-        others.iter().all(|other| match undetermined.subject {
-            Subject::View(view) => other.map.poses[view].is_none(),
-            Subject::Landmark(landmark) => other.map.landmarks[landmark].is_none(),
-        })
-    });
+    main.attach(maps.collect());
     for undetermined in &mut main.undetermined {
         if let (Subject::View(view), Why::Degenerate) = (undetermined.subject, undetermined.why)
             && resect_view(problem, &main.map, view).is_some()

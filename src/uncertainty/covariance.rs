@@ -5,9 +5,12 @@ use super::frame::{Frame, LIFT, in_frame, inner_constraints, inverse};
 use super::inverse_blocks::{diagonal_blocks, observe};
 use super::weak_directions::{SINGULAR_EQUATIONS, free_directions};
 use crate::adjustment::bundle::{Bundle, Rows};
+use crate::adjustment::decompose::symmetric_eigen;
 use crate::adjustment::gauge::{FixedByPriors, gauge_directions};
 use crate::adjustment::normal_equations::Normal;
 use crate::error::{Degeneracy, Error};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
@@ -37,6 +40,10 @@ const LOOKED_FOR: usize = 12;
 /// the iteration that finds the direction, below any real move.
 const STANDS_STILL: f64 = 1e-6;
 
+/// Negative variances of a block in units of its own standard deviations that rounding cannot explain unless the block is
+/// all rounding, as where a direction is all but free: its variances are then infinite.
+const ALL_ROUNDING: f64 = 1e-3;
+
 /// Covariances of poses and landmarks of a refined map, (T27).
 ///
 /// The sparse normal equations are factorised with anchors that fix the gauge; an S-transformation brings their
@@ -44,7 +51,7 @@ const STANDS_STILL: f64 = 1e-6;
 /// direction moves have infinite variance, the others their own.
 ///
 /// # Errors
-/// [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::TooFew`] when no view of it is
+/// [`Error::BadOption`] for a width of the loss out of its range; [`Error::LengthMismatch`] when the map is not of the problem's size; [`Error::TooFew`] when no view of it is
 /// determined; [`Error::Degenerate`] for [`Frame::Priors`] when odometry and priors leave part of the gauge free, or
 /// when the normal equations cannot be factorised; [`Error::OutOfMemory`] when they do not fit into memory;
 /// [`Error::Interrupted`] when `observer`, called with the number of subjects done and in all, says so.
@@ -74,6 +81,7 @@ pub fn covariance(
     frame: Frame,
     mut observer: Option<Observer<'_>>,
 ) -> Result<Covariance, Error> {
+    loss.check()?;
     map.check(problem)?;
     let active = map.restrict(problem);
     let bundle = Bundle::from_map(map);
@@ -205,15 +213,16 @@ impl Transformation {
         let mut block = (&full + full.transpose()) * 0.5;
         for k in 0..width {
             // What the frame fixes has no variance except rounding, which may be negative.
-            if block[(k, k)] < 0.0 {
+            if block[(k, k)] <= 0.0 {
                 block.row_mut(k).fill(0.0);
                 block.column_mut(k).fill(0.0);
             }
         }
+        let lost = !make_positive(&mut block);
         for k in 0..width {
             let moves = self.free.iter().zip(&self.reach);
             let mut moves = moves.map(|(d, reach)| d[parameter + k].abs() > STANDS_STILL * reach);
-            if self.unheld[parameter + k] || moves.any(|moves| moves) {
+            if lost || self.unheld[parameter + k] || moves.any(|moves| moves) {
                 block.row_mut(k).fill(f64::NAN);
                 block.column_mut(k).fill(f64::NAN);
                 block[(k, k)] = f64::INFINITY;
@@ -223,9 +232,64 @@ impl Transformation {
     }
 }
 
+/// Removes negative variances, which are rounding, from a symmetric block whose diagonal is not negative; `false` when
+/// they are so large that rounding is all there is.
+fn make_positive(block: &mut DMatrix<f64>) -> bool {
+    let width = block.nrows();
+    let deviations: Vec<f64> = (0..width).map(|k| block[(k, k)].sqrt()).collect();
+    let unit = |k: usize| {
+        if deviations[k] > 0.0 {
+            deviations[k]
+        } else {
+            1.0
+        }
+    };
+    let correlation = DMatrix::from_fn(width, width, |i, j| block[(i, j)] / (unit(i) * unit(j)));
+    let Some(eigen) = symmetric_eigen(correlation) else {
+        return true;
+    };
+    let least = eigen.eigenvalues.min();
+    if least < -ALL_ROUNDING {
+        return false;
+    }
+    if least < 0.0 {
+        let kept = eigen.eigenvalues.map(|value| value.max(0.0));
+        let vectors = &eigen.eigenvectors;
+        let positive = vectors * DMatrix::from_diagonal(&kept) * vectors.transpose();
+        *block = DMatrix::from_fn(width, width, |i, j| {
+            0.5 * (positive[(i, j)] + positive[(j, i)]) * unit(i) * unit(j)
+        });
+    }
+    true
+}
+
 /// The largest entry of a vector.
 fn largest(vector: &[f64]) -> f64 {
     vector
         .iter()
         .fold(0.0, |most, entry| f64::max(most, entry.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn negative_variances_of_rounding_are_removed() {
+        // A correlation just above 1, between standard deviations of 1e-3 and 10.
+        let cross = 1e-2 * (1.0 + 1e-6);
+        let mut block = DMatrix::from_row_slice(2, 2, &[1e-6, cross, cross, 100.0]);
+        assert!(make_positive(&mut block));
+        let left = block[(0, 0)] * block[(1, 1)] - block[(0, 1)] * block[(1, 0)];
+        assert!(left.abs() < 1e-18 && (block[(0, 0)] - 1e-6).abs() < 1e-11);
+        // One far above 1 is rounding alone, and one below stays as it is.
+        assert!(!make_positive(&mut DMatrix::from_row_slice(
+            2,
+            2,
+            &[1.0, 1.5, 1.5, 1.0]
+        )));
+        let good = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
+        let mut block = good.clone();
+        assert!(make_positive(&mut block) && block == good);
+    }
 }

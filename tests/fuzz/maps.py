@@ -22,8 +22,8 @@ NEAR = 1e3
 """The same, beyond which the map may be on the boundary of its space, where it need not be a minimum."""
 LEAST = 0.01
 """Share of the cost that a converged map may still promise to lose."""
-TIGHT = 1e-6
-"""Largest tolerance with which a refinement ends at a minimum."""
+TIGHT = 1e-8
+"""Largest tolerance with which a refinement ends at a minimum: a slow one has a hundred such steps left."""
 LARGEST = 300
 """Sightings of the largest map that is tested for it."""
 MINIMA = ("converged", "zero_residual", "no_progress")
@@ -78,7 +78,7 @@ def _of_one(
     yield from _numbers(request, result, given, inliers, at_infinity)
     yield from _frame(request, result)
     if result.converged and request.tolerance <= TIGHT and not len(at_infinity) and len(request.view) < LARGEST:
-        yield from _minimum(request, result, given)
+        yield from _minimum(request, result, given, rounding)
     if solved:
         yield from _sane(request, result, given, inliers)
 
@@ -199,7 +199,7 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
         yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
 
 
-def _minimum(request: Request, result: Any, given: Any) -> Iterator[Fault]:
+def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterator[Fault]:
     """A map that has converged is a minimum, unless a landmark slides onto a view or away."""
     known = np.isfinite(given)
     if not known.any():
@@ -210,7 +210,12 @@ def _minimum(request: Request, result: Any, given: Any) -> Iterator[Fault]:
     if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or tiny:
         return
     gain = minimum.gain(request, result, given)
-    if gain > LEAST:
+    # Where standard deviations are tiny, rounding costs more than that.
+    bearings, priors = (
+        measure.cost_of_bearings(request, given, rounding),
+        measure.cost_of_priors(request, result.poses, result.landmarks),
+    )
+    if gain > LEAST and gain * result.cost > bearings[1] + priors[1]:
         yield "minimum", f"converged ({result.termination}), but one more step promises {gain:.1%} of {result.cost!r}"
 
 

@@ -2,8 +2,8 @@
 //! Geometry that does not determine the answer: a named error or a flagged result, never an arbitrary map.
 
 use bearslam::{
-    Bearing, Degeneracy, Error, Method, Pose, Problem, Sighting, SolveOptions, bearing_to, pose,
-    resect, solve, three_view, triangulate,
+    Bearing, Degeneracy, Error, Method, Pose, Problem, Sighting, SolveOptions, Strategy,
+    bearing_to, pose, resect, solve, three_view, triangulate,
 };
 use nalgebra::Point2;
 
@@ -253,4 +253,63 @@ fn a_view_on_the_circle_of_its_landmarks_shows_in_the_uncertainty() {
         let found = solve(&problem, &SolveOptions::default(), None).unwrap();
         assert_eq!(found.uncertainty > 0.2, on_circle, "{}", found.uncertainty);
     }
+}
+
+/// Landmarks seen in so nearly one direction that the view is anywhere along it.
+#[test]
+fn a_view_beyond_the_horizon_of_its_landmarks_is_not_resected() {
+    let points = room();
+    let truth = pose(1.0, 2.0, 0.3);
+    for scale in [1e-9, 1e-11, 1e-13] {
+        let sightings = points.iter().map(|point| {
+            let seen = bearing_to(&truth, point).unwrap().angle();
+            (*point, Bearing::new(seen * scale))
+        });
+        let error = resect(sightings).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                Error::Degenerate {
+                    kind: Degeneracy::CommonDirection,
+                    ..
+                }
+            ),
+            "{scale:e}: {error}"
+        );
+    }
+}
+
+/// Bearings of no scene at all: the global method puts most views into one place, which is no map.
+#[test]
+fn a_collapsed_map_is_an_error() {
+    let options = SolveOptions {
+        strategy: Strategy::Global,
+        ..SolveOptions::default()
+    };
+    let mut collapsed = 0;
+    for seed in 0..60_u64 {
+        let mut state = seed;
+        let bearings: Vec<f64> = (0..9 * 8)
+            .map(|_| {
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
+                (state >> 32) as f64 * 1e-9
+            })
+            .collect();
+        let problem = Problem::dense(9, 8, &bearings, 0.01).unwrap();
+        match solve(&problem, &options, None) {
+            Ok(found) => {
+                let places = found.map.poses.iter().flatten();
+                let mut places: Vec<f64> = places.map(|p| p.translation.vector.norm()).collect();
+                places.sort_by(f64::total_cmp);
+                assert!(places[places.len() / 2] > 1e-12, "{seed} {places:?}");
+            }
+            Err(Error::Degenerate { kind, .. }) => {
+                collapsed += usize::from(kind == Degeneracy::CollapsedMap);
+            }
+            Err(error) => panic!("{seed}: {error}"),
+        }
+    }
+    assert!(collapsed > 0);
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 41] = [
+const LAYERS: [&str; 43] = [
     "scalar",
     "float",
     "error",
@@ -26,6 +26,7 @@ const LAYERS: [&str; 41] = [
     "reconstruction/result",
     "reconstruction/judge",
     "reconstruction/infinity",
+    "reconstruction/collapsed",
     "reconstruction/sight",
     "reconstruction/search/options",
     "reconstruction/incremental/options",
@@ -35,6 +36,7 @@ const LAYERS: [&str; 41] = [
     "reconstruction/stages",
     "reconstruction/options",
     "reconstruction/attempt",
+    "reconstruction/far_views",
     "reconstruction/grow",
     "reconstruction/search",
     "reconstruction/incremental",

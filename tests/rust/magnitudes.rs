@@ -3,9 +3,9 @@
 
 use super::common;
 use bearslam::{
-    DATA_MAGNITUDES, Error, Fix, Frame, LandmarkPrior, Layout, Loss, Map, Noise, Odometry,
-    PosePrior, Problem, RefineOptions, SIGMA_MAGNITUDES, Sighting, SolveOptions, covariance,
-    diagnose, pose, refine_map, solve,
+    DATA_MAGNITUDES, Error, Fix, Frame, LOSS_WIDTHS, LandmarkPrior, Layout, Loss, Map, Noise,
+    Odometry, PosePrior, Problem, RefineOptions, SIGMA_MAGNITUDES, Sighting, SolveOptions,
+    covariance, diagnose, initialize, pose, refine_map, solve,
 };
 use nalgebra::Point2;
 
@@ -243,4 +243,55 @@ fn extreme_numbers_end_in_an_answer_or_an_error() {
     // A second here; a hang is one of minutes.
     let taken = started.elapsed().as_secs_f64();
     assert!(taken < 120.0, "{taken}");
+}
+
+/// A damping beyond the range can not move a map, a loss without a width has no cost.
+#[test]
+fn options_beyond_their_range_are_refused_by_name() {
+    let scene = common::scene(Layout::Mixed, 5, 8, 0.3, 1);
+    let problem = common::problem(&scene);
+    let usual = RefineOptions::default();
+    let of_loss = |loss| RefineOptions { loss, ..usual };
+    let (least, most) = (*LOSS_WIDTHS.start(), *LOSS_WIDTHS.end());
+    let mut bad = Vec::new();
+    for damping in [-1.0, 1e9, 1e300, f64::NAN, f64::INFINITY] {
+        bad.push(("damping", RefineOptions { damping, ..usual }));
+    }
+    for tolerance in [-1e-9, f64::NAN, f64::INFINITY] {
+        bad.push(("tolerance", RefineOptions { tolerance, ..usual }));
+    }
+    for width in [0.5 * least, 1e-160, 0.0, -1.0, 2.0 * most, f64::NAN] {
+        for loss in [
+            Loss::Huber(width),
+            Loss::Cauchy(width),
+            Loss::Truncated(width),
+        ] {
+            bad.push(("width of the loss", of_loss(loss)));
+        }
+    }
+    for (name, refine) in bad {
+        let options = SolveOptions {
+            refine,
+            ..SolveOptions::default()
+        };
+        let found = [
+            solve(&problem, &options, None).err(),
+            initialize(&problem, &options, None).err(),
+            refine_map(&problem, &mut common::truth(&scene), &refine, None).err(),
+        ];
+        for error in found {
+            let Some(Error::BadOption { what, .. }) = error else {
+                panic!("{name} {refine:?}: {error:?}");
+            };
+            assert_eq!(what, name);
+        }
+    }
+    for width in [least, most] {
+        let options = SolveOptions {
+            refine: of_loss(Loss::Cauchy(width)),
+            ..SolveOptions::default()
+        };
+        let found = initialize(&problem, &options, None).unwrap();
+        assert!(found.cost.is_finite() && found.cost > 0.0);
+    }
 }

@@ -550,3 +550,35 @@ fn a_free_direction_has_infinite_variance_and_the_rest_its_own() {
         "{error}"
     );
 }
+
+/// Three views have two maps modulo pi, and loose odometry does not tell which is right.
+#[test]
+fn alternatives_come_with_odometry() {
+    let mut with_rivals = 0;
+    for seed in 0..60 {
+        let scene = simulate(Layout::Enclosed, 3, 5, NOISE, seed, Arena::default()).unwrap();
+        let odometry = scene.odometry([2.0, 2.0, 2.0], seed).unwrap();
+        let problem = bearings(&scene).with_odometry(&odometry).unwrap();
+        let Ok(found) = solve(&problem, &SolveOptions::default(), None) else {
+            continue;
+        };
+        with_rivals += usize::from(!found.alternatives.is_empty());
+        let costs = || found.alternatives.iter().map(|rival| rival.cost);
+        assert!(costs().is_sorted() && costs().all(|cost| cost >= found.cost * (1.0 - 1e-6)));
+        let options = RefineOptions {
+            max_iterations: 0,
+            ..RefineOptions::default()
+        };
+        for rival in &found.alternatives {
+            // The cost is that of the map.
+            let again = refine(&problem, &rival.map, &options, None).unwrap().cost;
+            let same = (again - rival.cost).abs() < 1e-6 * (1.0 + rival.cost);
+            assert!(
+                same || !rival.undetermined.is_empty(),
+                "{seed}: {again} {}",
+                rival.cost
+            );
+        }
+    }
+    assert!(with_rivals >= 5, "{with_rivals}");
+}

@@ -2,7 +2,9 @@
 //! Bearings known only modulo pi: lines instead of rays.
 
 use crate::common;
-use bearslam::{Arena, Error, Layout, Problem, SolveOptions, Strategy, simulate, solve};
+use bearslam::{
+    Arena, Error, Layout, Problem, RefineOptions, SolveOptions, Strategy, refine, simulate, solve,
+};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Turns two bearings in five by pi.
@@ -71,5 +73,25 @@ fn limited_sight_is_solved_modulo_pi() {
         };
         let error = solve(&problem, &options, None).unwrap_err();
         assert!(matches!(error, Error::NeedsOriented { .. }));
+    }
+}
+
+/// A landmark exactly on its view has no bearing: zero, not pi.
+#[test]
+fn a_landmark_on_its_view_has_no_residual() {
+    let scene = common::scene(Layout::Mixed, 5, 8, 0.3, 2);
+    let problem = common::problem(&scene).unoriented();
+    for view in 0..5 {
+        let mut start = common::truth(&scene);
+        start.landmarks[3] = Some(scene.poses[view].translation.vector.into());
+        let options = RefineOptions {
+            max_iterations: 0,
+            ..RefineOptions::default()
+        };
+        let found = refine(&problem, &start, &options, None).unwrap();
+        let residuals = || found.residuals.iter().flatten();
+        assert!(residuals().all(|r| r.abs() <= FRAC_PI_2));
+        let squares: f64 = residuals().map(|r| r * r).sum();
+        assert!((0.5 * squares - found.cost).abs() < 1e-9, "{squares}");
     }
 }

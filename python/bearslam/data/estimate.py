@@ -19,7 +19,7 @@ __all__ = ["Estimate", "Termination", "Undetermined", "outliers", "per_sighting"
 Entry = TypeVar("Entry", bound=np.generic)
 
 Termination: TypeAlias = Literal[
-    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "singular"
+    "not_refined", "converged", "zero_residual", "no_progress", "max_iterations", "overshot", "singular"
 ]
 """Why a refinement ended. The second to fourth are minima: the last step lowered the cost by less than the tolerance,
 the residuals are zero, or no step lowers the cost."""
@@ -82,8 +82,8 @@ class Estimate:
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
         Why the refinement ended: "converged" (a further step would lower the cost by less than the tolerance),
-        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations", "singular";
-        "not_refined" where there was none.
+        "zero_residual", "no_progress" (no step lowers the cost), all three minima; "max_iterations",
+        "overshot" (a full step of Gauss-Newton raises the cost), "singular"; "not_refined" where there was none.
     iterations : int
         Iterations of the refinement.
     freedom : int

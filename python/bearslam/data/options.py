@@ -84,12 +84,13 @@ class RefineOptions:
     max_iterations : int
         Largest number of iterations of one refinement.
     damping : float
-        Initial damping, relative to the diagonal of the normal equations; 0 for Gauss-Newton.
+        Initial damping, relative to the diagonal of the normal equations, at most 1e8; 0 for Gauss-Newton.
     tolerance : float
         Relative decrease of the cost below which the refinement has converged.
     loss_scale : float or None
-        Width of the loss [standard deviations]; by default 1.345 for "huber" and 2.385 for "cauchy", which keep 95 % of
-        the efficiency of least squares for Gaussian errors, and 3 for "truncated". The squared loss has no width.
+        Width of the loss [standard deviations], from 1e-6 to 1e6; by default 1.345 for "huber" and 2.385 for "cauchy",
+        which keep 95 % of the efficiency of least squares for Gaussian errors, and 3 for "truncated". The squared loss
+        has no width.
 
     Raises
     ------
@@ -114,7 +115,7 @@ class RefineOptions:
         object.__setattr__(self, "damping", real("damping", self.damping, 0.0))
         object.__setattr__(self, "tolerance", real("tolerance", self.tolerance, 0.0))
         if self.loss_scale is not None:
-            object.__setattr__(self, "loss_scale", real("loss_scale", self.loss_scale, 0.0, 1e6, above=True))
+            object.__setattr__(self, "loss_scale", real("loss_scale", self.loss_scale, 1e-6, 1e6))
 
 
 @dataclass(frozen=True)

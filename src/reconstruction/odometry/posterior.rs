@@ -8,6 +8,7 @@
 //! it could place only a few of many views.
 
 use super::super::attempt::{converged, recoverable};
+use super::super::far_views::without_far_views;
 use super::super::incremental::complete::place_all;
 use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
 use super::super::judge::{
@@ -25,7 +26,7 @@ use super::headings::maps_from_positions;
 use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
-use crate::adjustment::{aligned_to_priors, refine_map};
+use crate::adjustment::{aligned_to_priors, cost, refine_map};
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
@@ -104,14 +105,24 @@ pub fn solve_posterior(
     for start in &starts {
         if maps.iter().all(|found| are_apart(&found.map, start)) {
             attempts.refine_fitted(start)?;
-            maps.append(&mut attempts.found);
+            // Completed, a map may reach views of another.
+            let found = attempts.found.drain(..);
+            let apart = |one: &Reconstruction| maps.iter().all(|map| are_apart(&map.map, &one.map));
+            let others: Vec<_> = found.filter(apart).collect();
+            maps.extend(others);
         }
     }
-    if !options.robust {
-        maps.iter_mut()
-            .for_each(|map| drop_landmarks_at_infinity(problem, map, &stages.infinity));
+    if options.robust {
+        return strategy::with_components(problem, maps).ok_or(NOTHING);
     }
-    strategy::with_components(problem, maps).ok_or(NOTHING)
+    for map in &mut maps {
+        drop_landmarks_at_infinity(problem, map, &stages.infinity);
+        for rival in &mut map.alternatives {
+            drop_landmarks_at_infinity(problem, rival, &stages.infinity);
+        }
+    }
+    let best = strategy::with_components(problem, maps).ok_or(NOTHING)?;
+    without_far_views(problem, best, options, progress)
 }
 
 /// The map of the least truncated cost, which counts what it does not reach as outliers.
@@ -125,6 +136,9 @@ const NOTHING: Error = Error::Degenerate {
     value: 0.0,
     bound: 1.0,
 };
+
+/// Relative difference between the cost of a refinement and that of the map it reports above which rounding decides.
+const ROUNDED: f64 = 1e-6;
 
 /// The starts refined so far and their results.
 struct Attempts<'a, 'p> {
@@ -240,11 +254,20 @@ impl Attempts<'_, '_> {
             return Ok(None);
         }
         let mut best = choose(self.problem, found, &stages.judge)?;
-        best.alternatives.clear();
+        let rivals = core::mem::take(&mut best.alternatives);
         if !self.many {
             best = self.with_landmarks_moved(best)?;
         }
-        Ok(Some(self.without_landmarks_behind(best)?))
+        let mut found = Vec::from([self.without_landmarks_behind(best)?]);
+        for rival in rivals {
+            let rival = self.without_landmarks_behind(rival)?;
+            // Of a map that has shrunk to a point among its coordinates nothing but rounding is left.
+            let cost = cost(self.problem, &rival.map, self.options.refine.loss);
+            if (cost - rival.cost).abs() <= ROUNDED * (1.0 + rival.cost) {
+                found.push(rival);
+            }
+        }
+        Ok(Some(choose(self.problem, found, &stages.judge)?))
     }
 
     /// A map with single landmarks in other places, as long as that makes it better.

@@ -9,6 +9,7 @@ use super::super::attempt::attempt;
 use super::super::judge::{JudgeOptions, same};
 use super::super::options::SolveOptions;
 use super::super::result::Reconstruction;
+use crate::adjustment::gauge::in_reported_frame;
 use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -237,8 +238,8 @@ impl Consensus {
     }
 
     /// Whether two fixed points are one.
-    pub fn is_same(&self, other: &Self, judge: &JudgeOptions) -> bool {
-        self.inliers == other.inliers
-            && same(&self.map.normalized(), &other.map.normalized(), judge)
+    pub fn is_same(&self, other: &Self, problem: &Problem, judge: &JudgeOptions) -> bool {
+        let [a, b] = [self, other].map(|one| in_reported_frame(problem, &one.map));
+        self.inliers == other.inliers && same(&a, &b, judge)
     }
 }

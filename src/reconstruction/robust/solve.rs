@@ -307,10 +307,13 @@ fn confirm_by_plain_search(
         if limit.is_none_or(|limit| consensus.cost < limit)
             && distinct
                 .iter()
-                .all(|other| !other.is_same(&consensus, &stages.judge))
+                .all(|other| !other.is_same(&consensus, problem, &stages.judge))
         {
             distinct.push(consensus);
         }
+    }
+    if let [_, rivals @ ..] = &mut distinct[..] {
+        rivals.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     }
     Ok(distinct)
 }
