@@ -50,36 +50,6 @@ fn four_landmarks_and_four_views_suffice() {
     assert!(found_truth >= 36, "{found_truth} of 40");
 }
 
-/// Two maps have the same bearings modulo pi, whatever the number of views. Where the signs exclude neither, both are
-/// returned.
-#[test]
-fn four_landmarks_have_a_twin() {
-    let (mut twins, mut unoriented) = (0, 0);
-    for views in [4, 5, 8, 12] {
-        for seed in 0..20 {
-            let scene = scene(Layout::Mixed, views, 4, 0.0, 1000 + seed);
-            for problem in [problem(&scene), problem(&scene).unoriented()] {
-                let oriented = problem.is_oriented();
-                let found = solve(&problem, &SolveOptions::default(), None).unwrap();
-                let maps: Vec<_> = std::iter::once(&found).chain(&found.alternatives).collect();
-                // Where the twins nearly merge, rounding leaves room for more.
-                let clear = found.sensitivity < 1e3;
-                assert!(maps.len() <= 2 || !clear, "{views} {seed}: {}", maps.len());
-                assert!(maps.iter().all(|map| map.rms < 1e-9), "{views} {seed}");
-                let best = maps.iter().map(|found| error(&found.map, &scene));
-                let best = best.fold(f64::INFINITY, f64::min);
-                assert!(best < 1e-6, "{views} {seed}: {best:e}");
-                if oriented {
-                    twins += maps.len() - 1;
-                } else {
-                    unoriented += maps.len() - 1;
-                }
-            }
-        }
-    }
-    assert!(twins > 5 && unoriented > 70, "{twins} {unoriented} of 80");
-}
-
 /// Noise may leave no exact solution, where the landmarks are near a circle or a wall.
 #[test]
 fn four_noisy_landmarks_reach_the_cost_of_a_refinement_from_the_truth() {
