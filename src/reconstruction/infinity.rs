@@ -127,7 +127,7 @@ impl Horizon {
         let places: Vec<Vector2<f64>> = map.view_positions().chain(landmarks).collect();
         let middle = middle(&places);
         let size = median(places.iter().map(|place| (place - middle).norm()).collect());
-        (size > 0.0).then(|| Self {
+        (size > 0.0).then_some(Self {
             middle,
             radius: size * options.horizon,
         })

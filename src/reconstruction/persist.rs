@@ -40,11 +40,11 @@ fn persist(
 ) -> Result<Reconstruction, Error> {
     let judge = &options.stages.judge;
     let few = problem.views() <= judge.persistent_views;
-    let suffices = |found: &Reconstruction| {
-        !is_too_costly(problem, found, judge) && !(few && is_incomplete(found))
+    let is_lacking = |found: &Reconstruction| {
+        is_too_costly(problem, found, judge) || (few && is_incomplete(found))
     };
     let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
-    if named || options.refine.loss != Loss::Squared || suffices(&best) {
+    if named || options.refine.loss != Loss::Squared || !is_lacking(&best) {
         return Ok(best);
     }
     let mut found = vec![best];
@@ -61,7 +61,7 @@ fn persist(
             map = refined;
             map.attach(components);
         }
-        let enough = suffices(&map);
+        let enough = !is_lacking(&map);
         found.push(map);
         if enough {
             return choose(problem, found, judge);
