@@ -36,7 +36,7 @@ impl<T: Real> Default for RefineOptions<T> {
 }
 
 impl<T: Real> RefineOptions<T> {
-    /// Refuses options that are out of range: a damping that is neither zero nor positive and at most [`MAX_DAMPING`],
+    /// Refuses options that are out of range: a damping that is neither zero nor positive and at most 1e8,
     /// a tolerance that is negative or not finite, a width of the loss beyond [`LOSS_WIDTHS`](super::LOSS_WIDTHS).
     ///
     /// # Errors

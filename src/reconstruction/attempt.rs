@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Refinements that may fail: a start that leads nowhere does not stop the others.
 
-use super::options::{Progress, report_progress};
+use super::infinity::with_landmarks_at_infinity;
+use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
 use crate::lm::{Observer, RefineOptions, Termination};
-use crate::problem::{Map, Problem, Undetermined};
-use alloc::vec::Vec;
+use crate::problem::{Map, Problem};
 
 /// Refines a map in place; `None` when it cannot be refined.
 ///
@@ -38,16 +38,19 @@ pub fn recoverable<T>(result: Result<T, Error>) -> Result<Result<T, Error>, Erro
     }
 }
 
-/// A map that was given few iterations, refined to the end; its alternatives and components stay.
+/// A map that was given few iterations, refined to the end with all of its bearings, those of landmarks at infinity
+/// among them; its alternatives and components stay.
 ///
 /// # Errors
 /// Those that stop everything, as [`recoverable`].
 pub fn converged(
     problem: &Problem,
     mut found: Reconstruction,
-    options: &RefineOptions,
+    options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
+    let sizes = options.stages.incremental.far_sizes;
+    let options = &options.refine;
     let left = options.max_iterations.saturating_sub(found.iterations);
     if found.termination != Termination::MaxIterations || left == 0 {
         return Ok(found);
@@ -56,7 +59,7 @@ pub fn converged(
         max_iterations: left,
         ..*options
     };
-    let mut map = found.map.clone();
+    let mut map = with_landmarks_at_infinity(problem, &found, sizes);
     let used = found.iterations;
     let mut observer =
         |done, _| report_progress(progress, "refine", used + done, options.max_iterations);
@@ -64,21 +67,6 @@ pub fn converged(
         let mut refined = Reconstruction::new(problem, &map, report);
         refined.iterations += used;
         refined.alternatives = core::mem::take(&mut found.alternatives);
-        // What was at infinity before is no less so.
-        let reached = |one: &Undetermined| {
-            refined
-                .undetermined
-                .iter()
-                .any(|other| other.subject == one.subject)
-        };
-        let listed: Vec<_> = found
-            .undetermined
-            .iter()
-            .filter(|one| !reached(one))
-            .copied()
-            .collect();
-        refined.undetermined.extend(listed);
-        refined.undetermined.sort_by_key(|one| one.subject);
         refined.attach(core::mem::take(&mut found.components));
         found = refined;
     }

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks of which only the direction is known.
 
-use super::judge::variance;
+use super::judge::{size, variance};
 use super::result::Reconstruction;
 use crate::geometry::points::{median, middle};
 use crate::lm::Termination;
-use crate::problem::{Map, Prior, Problem, Subject, Undetermined, Why};
+use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Prior, Problem, Subject, Undetermined, Why};
 use crate::uncertainty::unbounded_landmarks;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::Vector2;
+use nalgebra::{Point2, Vector2};
 
 /// Options of the decision that a landmark is at infinity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +62,38 @@ pub fn drop_landmarks_at_infinity(
     found
         .undetermined
         .sort_by_key(|undetermined| undetermined.subject);
+}
+
+/// A map with its landmarks at infinity put back, far out along their rays, so that their bearings count in a further
+/// refinement.
+pub fn with_landmarks_at_infinity(problem: &Problem, found: &Reconstruction, sizes: f64) -> Map {
+    let mut map = found.map.clone();
+    for one in &found.undetermined {
+        if let (Subject::Landmark(landmark), Why::AtInfinity) = (one.subject, one.why) {
+            map.landmarks[landmark] = far_out(problem, &found.map, landmark, sizes);
+        }
+    }
+    map
+}
+
+/// A position `sizes` times the size of the map out along the mean ray of a landmark that at least two views see.
+pub fn far_out(problem: &Problem, map: &Map, landmark: usize, sizes: f64) -> Option<Point2<f64>> {
+    let mut count = 0_u32;
+    let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
+    for (pose, s) in map.rays(problem, landmark) {
+        let ray = (pose.rotation * s.bearing).into_inner();
+        let ray = Vector2::new(ray.re, ray.im);
+        // A bearing modulo pi points both ways: take the way of the sum.
+        let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
+        sum += if turned { -ray } else { ray };
+        from += pose.translation.vector;
+        count += 1;
+    }
+    if (count as usize) < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > f64::EPSILON) {
+        return None;
+    }
+    let middle = from / f64::from(count);
+    Some(Point2::from(middle + sum.normalize() * (size(map) * sizes)))
 }
 
 /// The landmarks whose range is undetermined within the noise of the bearings.

@@ -3,6 +3,7 @@
 
 use super::attempt::{attempt, recoverable};
 use super::incremental::complete::place_all;
+use super::infinity::with_landmarks_at_infinity;
 use super::judge::{choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
@@ -55,7 +56,9 @@ fn persist(
         };
         if further.refine.loss != options.refine.loss {
             let components = core::mem::take(&mut map.components);
-            let Some(refined) = refined(problem, map.map, options)? else {
+            let far = options.stages.incremental.far_sizes;
+            let start = with_landmarks_at_infinity(problem, &map, far);
+            let Some(refined) = refined(problem, start, options)? else {
                 continue;
             };
             map = refined;

@@ -49,7 +49,7 @@ pub fn finished(
     best: Reconstruction,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut best = converged(problem, best, &options.refine, progress)?;
+    let mut best = converged(problem, best, options, progress)?;
     drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
     let best = without_far_views(problem, best, options, progress)?;
     refuse_collapsed(&best, &options.stages.judge)?;

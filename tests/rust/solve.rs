@@ -3,8 +3,8 @@
 
 use crate::common::{LAYOUTS, error, problem, scene, truth};
 use bearslam::{
-    Error, Layout, Method, Problem, SearchOptions, Sighting, SolveOptions, Strategy, Subject,
-    Termination, Why, initialize, refine, solve,
+    Arena, Error, Layout, Method, Problem, RefineOptions, SearchOptions, Sighting, SolveOptions,
+    Strategy, Subject, Termination, Why, initialize, refine, simulate, solve,
 };
 
 #[test]
@@ -390,4 +390,23 @@ fn an_empty_search_is_an_error_that_says_so() {
         let (needed, got) = (1, 0);
         assert_eq!(error, Error::TooFew { what, needed, got });
     }
+}
+
+/// The best map of four views is not yet converged when two landmarks are found to be at infinity: their bearings count all
+/// the same when it is refined to the end.
+#[test]
+fn landmarks_at_infinity_count_to_the_end() {
+    let noise = 1.0_f64.to_radians();
+    let seed = 9_929_482_225_249_802_773;
+    let scene = simulate(Layout::Enclosed, 4, 7, noise, seed, Arena::default()).unwrap();
+    let problem = Problem::dense(4, 7, &scene.bearings, noise).unwrap();
+    let best = refine(&problem, &scene.map(), &RefineOptions::default(), None).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!((found.cost / best.cost - 1.0).abs() < 1e-5);
+    let at_infinity = found
+        .undetermined
+        .iter()
+        .filter(|one| one.why == Why::AtInfinity);
+    assert_eq!(at_infinity.count(), 2);
+    assert!(found.residuals.iter().all(Option::is_some));
 }

@@ -95,7 +95,7 @@ fn place_rest(
         for landmark in 0..map.landmarks.len() {
             if map.landmarks[landmark].is_none() {
                 let met = place::place_landmark(problem, map, landmark);
-                let far = place::far_out(problem, map, landmark, options.far_sizes);
+                let far = place::place_far_out(problem, map, landmark, options.far_sizes);
                 let places = met.into_iter().chain(far);
                 let best = places.min_by(|a, b| {
                     let [a, b] = [a, b].map(|(_, fit)| fit.squares);

@@ -4,6 +4,7 @@
 //! When a landmark is so close to a view that noise decides on which side it lies, the closed forms may put it behind
 //! the view; the mirrored place, which puts it ahead, is tried as well.
 
+use super::super::infinity::far_out;
 use super::gates::Fit;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -61,45 +62,15 @@ pub fn place_landmark(problem: &Problem, map: &Map, landmark: usize) -> Option<(
     }
 }
 
-/// A position `sizes` times the size of the map out along the mean ray of a landmark that at least two views see.
-pub fn far_out(
+/// A position far out along the mean ray of a landmark, and the fit.
+pub fn place_far_out(
     problem: &Problem,
     map: &Map,
     landmark: usize,
     sizes: f64,
 ) -> Option<(Point2<f64>, Fit)> {
-    let mut count = 0;
-    let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
-    for (pose, s) in map.rays(problem, landmark) {
-        let ray = ray(&pose, s);
-        // A bearing modulo pi points both ways: take the way of the sum.
-        let turned = !problem.is_oriented() && ray.dot(&sum) < 0.0;
-        sum += if turned { -ray } else { ray };
-        from += pose.translation.vector;
-        count += 1;
-    }
-    if count < MIN_VIEWS_OF_LANDMARK || !(sum.norm() > f64::EPSILON) {
-        return None;
-    }
-    let middle = from / (count as f64);
-    let place = Point2::from(middle + sum.normalize() * (size(map) * sizes));
+    let place = far_out(problem, map, landmark, sizes)?;
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
-}
-
-/// The root mean square distance of the views from the first.
-fn size(map: &Map) -> f64 {
-    let mut views = map
-        .poses
-        .iter()
-        .flatten()
-        .map(|pose| pose.translation.vector);
-    let Some(first) = views.next() else {
-        return 1.0;
-    };
-    let (sum, count) = views.fold((0.0, 1.0), |(sum, count), view| {
-        (sum + (view - first).norm_squared(), count + 1.0)
-    });
-    (sum / count).sqrt()
 }
 
 /// The direction of a sighting in the map frame.

@@ -242,12 +242,7 @@ impl Attempts<'_, '_> {
             if prices[k] <= least * stages.judge.rival_ratio
                 && found[k].termination == Termination::MaxIterations
             {
-                found[k] = converged(
-                    self.problem,
-                    found[k].clone(),
-                    &self.options.refine,
-                    self.progress,
-                )?;
+                found[k] = converged(self.problem, found[k].clone(), self.options, self.progress)?;
             }
         }
         if found.is_empty() {
@@ -291,7 +286,7 @@ impl Attempts<'_, '_> {
                     && found.undetermined.len() <= best.undetermined.len()
                     && found.cost < best.cost * SAME_COST
                 {
-                    best = converged(self.problem, found, &self.options.refine, self.progress)?;
+                    best = converged(self.problem, found, self.options, self.progress)?;
                     lower = true;
                     break;
                 }
