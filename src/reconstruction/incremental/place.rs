@@ -6,8 +6,6 @@
 
 use super::super::infinity::far_out;
 use super::gates::Fit;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::geometry::Pose;
 use crate::kernels::{Resection, resect, triangulate};
 use crate::problem::{IndexedSighting, MIN_VIEWS_OF_LANDMARK, Map, Problem};
