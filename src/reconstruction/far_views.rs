@@ -3,7 +3,9 @@
 
 use super::attempt::attempt;
 use super::collapsed::share;
-use super::infinity::{drop_landmarks_at_infinity, views_beyond_horizon};
+use super::infinity::{
+    drop_landmarks_at_infinity, views_beyond_horizon, with_landmarks_at_infinity,
+};
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
@@ -30,7 +32,8 @@ pub fn without_far_views(
         if far.is_empty() {
             break;
         }
-        let mut map = found.map.clone();
+        let sizes = options.stages.incremental.far_sizes;
+        let mut map = with_landmarks_at_infinity(problem, &found, sizes);
         for view in far {
             map.poses[view] = None;
         }
