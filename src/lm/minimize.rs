@@ -32,8 +32,8 @@
 
 use super::options::{
     AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
-    LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RefineOptions,
-    ZERO_RESIDUAL_EPS,
+    LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RESOLVED_EPS,
+    RefineOptions, ZERO_RESIDUAL_EPS,
 };
 use super::termination::Termination;
 use crate::error::Error;
@@ -106,6 +106,8 @@ pub fn minimize<T: Real>(
     options.check()?;
     let zero = T::zero();
     let tolerance = options.tolerance;
+    // Otherwise gains that end the descent are those of rounding, and say nothing of the steps.
+    let resolved = tolerance > T::lit(RESOLVED_EPS) * T::eps();
     let gauss_newton = options.damping <= zero;
     let rounding = problem.rounding();
     let mut cost = problem.cost();
@@ -135,20 +137,20 @@ pub fn minimize<T: Real>(
                 let gained = cost - lower;
                 cost = lower;
                 problem.accept();
-                let limited = is_limited(damping, last_damping);
+                let limited = resolved && is_limited(damping, last_damping);
                 last_damping = damping;
                 let ratio = gained / predicted;
                 // Near the minimum each gain is a small and shrinking fraction of the one before, so that
                 // the remaining gain is about the next one. Far from it the first gains say nothing of the last.
                 let rate = gained / last_gain;
-                let near = last_gain <= T::lit(NEAR_MINIMUM) * cost;
+                let near = !resolved || last_gain <= T::lit(NEAR_MINIMUM) * cost;
                 let left = if rate < T::lit(CONVERGING) && near {
                     gained * rate
                 } else {
                     gained
                 };
                 // A poor step may gain little where a better one would gain much.
-                let poor = ratio < T::lit(POOR_STEP) && predicted > tolerance * cost;
+                let poor = resolved && ratio < T::lit(POOR_STEP) && predicted > tolerance * cost;
                 if left <= tolerance * cost && gained <= last_gain && !limited && !poor {
                     break Termination::Converged;
                 }
@@ -173,7 +175,8 @@ pub fn minimize<T: Real>(
                 continue;
             }
             Some(trial)
-                if trial.predicted <= tolerance * cost && !is_limited(damping, last_damping) =>
+                if trial.predicted <= tolerance * cost
+                    && !(resolved && is_limited(damping, last_damping)) =>
             {
                 break Termination::Converged;
             }

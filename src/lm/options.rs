@@ -83,6 +83,9 @@ pub const LIMITING_DAMPING: f64 = 1e-2;
 /// tell how it goes on. From a start that costs a million times as much, gains shrink whatever is left.
 pub const NEAR_MINIMUM: f64 = 10.0;
 
+/// A tolerance above this many units of rounding is resolved by the sum of the cost; that of single precision is not.
+pub const RESOLVED_EPS: f64 = 16.0;
+
 /// Factor of the remembered rejected damping after a value above it has been chosen: the next steps may need
 /// less.
 pub const FORGET_REFUSED: f64 = 0.3;
