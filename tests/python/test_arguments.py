@@ -96,7 +96,7 @@ TABLE = [
     ),
     (
         lambda: bearslam.solve(SEEN, sigma=0.1, loss="huber", refinement=RefineOptions(loss_scale=0)),
-        "loss_scale: expected a number above 0",
+        "loss_scale: expected a number of at least 1e-06",
     ),
     (
         lambda: bearslam.solve(SEEN, refinement=RefineOptions(loss_scale=2.0)),

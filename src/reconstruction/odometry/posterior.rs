@@ -253,7 +253,13 @@ impl Attempts<'_, '_> {
         if !self.many {
             best = self.with_landmarks_moved(best)?;
         }
-        let mut found = Vec::from([self.without_landmarks_behind(best)?]);
+        let mut best = self.without_landmarks_behind(best)?;
+        // The cost is that of the map as it is reported.
+        let rounded = cost(self.problem, &best.map, self.options.refine.loss);
+        if (rounded - best.cost).abs() > ROUNDED * (1.0 + best.cost) {
+            best.cost = rounded;
+        }
+        let mut found = Vec::from([best]);
         for rival in rivals {
             let rival = self.without_landmarks_behind(rival)?;
             // Of a map that has shrunk to a point among its coordinates nothing but rounding is left.
