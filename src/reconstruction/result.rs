@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The result of a reconstruction.
 
-use crate::adjustment::Report;
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
+use crate::adjustment::{Report, cost};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Termination};
@@ -59,6 +59,9 @@ pub struct Reconstruction {
     pub components: Vec<Self>,
 }
 
+/// Relative difference between the cost of a refinement and that of the map it reports above which rounding decides.
+const ROUNDED: f64 = 1e-6;
+
 impl Reconstruction {
     /// Normalises a map and computes its residuals.
     pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
@@ -79,8 +82,11 @@ impl Reconstruction {
                 count += 1.0;
             }
         }
+        // A map that has shrunk until its coordinates round has the cost of the coordinates that are reported.
+        let cost = cost(problem, &map, report.loss);
+        let rounded = (cost - report.cost).abs() > ROUNDED * (1.0 + report.cost);
         Self {
-            cost: report.cost,
+            cost: if rounded { cost } else { report.cost },
             rms: (squares / count.max(1.0)).sqrt(),
             freedom: freedom(problem, &map, &inliers),
             inliers,

@@ -26,7 +26,7 @@ use super::headings::maps_from_positions;
 use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
 use super::robust_start;
-use crate::adjustment::{aligned_to_priors, cost, refine_map};
+use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
@@ -136,9 +136,6 @@ const NOTHING: Error = Error::Degenerate {
     value: 0.0,
     bound: 1.0,
 };
-
-/// Relative difference between the cost of a refinement and that of the map it reports above which rounding decides.
-const ROUNDED: f64 = 1e-6;
 
 /// The starts refined so far and their results.
 struct Attempts<'a, 'p> {
@@ -253,20 +250,9 @@ impl Attempts<'_, '_> {
         if !self.many {
             best = self.with_landmarks_moved(best)?;
         }
-        let mut best = self.without_landmarks_behind(best)?;
-        // The cost is that of the map as it is reported.
-        let rounded = cost(self.problem, &best.map, self.options.refine.loss);
-        if (rounded - best.cost).abs() > ROUNDED * (1.0 + best.cost) {
-            best.cost = rounded;
-        }
-        let mut found = Vec::from([best]);
+        let mut found = Vec::from([self.without_landmarks_behind(best)?]);
         for rival in rivals {
-            let rival = self.without_landmarks_behind(rival)?;
-            // Of a map that has shrunk to a point among its coordinates nothing but rounding is left.
-            let cost = cost(self.problem, &rival.map, self.options.refine.loss);
-            if (cost - rival.cost).abs() <= ROUNDED * (1.0 + rival.cost) {
-                found.push(rival);
-            }
+            found.push(self.without_landmarks_behind(rival)?);
         }
         Ok(Some(choose(self.problem, found, &stages.judge)?))
     }
