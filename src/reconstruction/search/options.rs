@@ -28,7 +28,7 @@ impl Default for DrawOptions {
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct HypothesisOptions {
     /// Maximum number of triples of views that share four landmarks whose tensors are swept, where a closed form from
-    /// four views does not suffice: each sweep finds the minima of its triple. Not sensitive.
+    /// four views does not suffice: each sweep finds the minima of its triple.
     pub max_sweeps: usize,
     /// Two hypotheses closer than this (positions over the size of the map, headings in radians) end in the same
     /// minimum. Not sensitive.
