@@ -36,8 +36,13 @@ pub fn grow(
     let mut free = vec![true; problem.views()];
     let mut found: Vec<Consensus> = Vec::new();
     while let Some(next) = component(problem, options, &seeds, &free, random, progress)? {
+        // A component without a view would be found again and again.
+        let left = free.iter().filter(|free| **free).count();
         for (free, pose) in free.iter_mut().zip(&next.map.poses) {
             *free &= pose.is_none();
+        }
+        if free.iter().filter(|free| **free).count() == left {
+            break;
         }
         found.push(next);
     }

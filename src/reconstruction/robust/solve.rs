@@ -71,7 +71,7 @@ fn with_components(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let stages = &options.stages;
-    let mut first = toggle(problem, found.remove(0), options)?;
+    let mut first = toggle(problem, found.remove(0), options, progress)?;
     if problem.views() <= stages.robust.improved_views {
         first = improve(problem, first, options, random, progress)?;
     }
@@ -80,6 +80,8 @@ fn with_components(
     refuse_chance(&main, &stages.judge)?;
     let others = found.iter();
     let others = others.map(|found| reconstruction(problem, found, &stages.infinity));
+    // Without redundancy nothing checks a component.
+    let others = others.filter(|other| other.freedom > 0);
     let maps = core::iter::once(main).chain(others).collect();
     strategy::with_components(problem, maps).ok_or(NOTHING)
 }

@@ -4,7 +4,7 @@
 //! The changes that `exchange` predicts for the whole map need its dense normal equations. Here each takes only those of
 //! one pose or one position, so that large maps can be tried in full; what gains is refined as a whole afterwards.
 
-use super::super::options::SolveOptions;
+use super::super::options::{Progress, SolveOptions, report_progress};
 use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, square};
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -15,14 +15,19 @@ use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
 /// Changes sightings view by view and landmark by landmark, as long as that lowers the cost of the refined map.
 ///
 /// # Errors
-/// Those of the refinement.
+/// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
 pub fn toggle(
     problem: &Problem,
     mut best: Consensus,
     options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
     let robust = &options.stages.robust;
-    for _ in 0..robust.exchange_successes {
+    let rounds = robust.exchange_successes;
+    for round in 0..rounds {
+        if !report_progress(progress, "improve", round, rounds) {
+            return Err(Error::Interrupted);
+        }
         let mut map = best.map.clone();
         let mut changed = false;
         for view in 0..problem.views() {
