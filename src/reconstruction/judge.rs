@@ -22,6 +22,10 @@ pub struct JudgeOptions {
     /// How far the cost of the right minimum may be from its expectation, in standard deviations of the cost. Not
     /// sensitive, but half takes twice the time, as fewer maps end the search.
     pub plausible_deviations: f64,
+    /// By how many standard deviations the cost may exceed its expectation before more places of landmarks are tried:
+    /// one right map in a hundred exceeds it by 2. Whole searches follow only beyond `plausible_deviations`, as they take
+    /// a hundred times as long.
+    pub costly_deviations: f64,
     /// A map is a rival of another when its variance is at most this many times the other's: three times the residuals.
     /// Not sensitive.
     pub rival_ratio: f64,
@@ -53,6 +57,7 @@ impl Default for JudgeOptions {
         Self {
             telling_freedom: 20,
             plausible_deviations: 3.0,
+            costly_deviations: 2.0,
             rival_ratio: 9.0,
             expected_noise: 0.02,
             same: 1e-4,
@@ -160,10 +165,10 @@ fn is_stated(problem: &Problem) -> bool {
     problem.sightings().iter().any(|s| s.weight != 1.0)
 }
 
-/// Whether the cost of a map is higher than the stated standard deviations allow.
-pub fn is_too_costly(problem: &Problem, found: &Reconstruction, options: &JudgeOptions) -> bool {
+/// Whether the cost of a map exceeds what the stated standard deviations predict by more than this many standard
+/// deviations of it.
+pub fn is_too_costly(problem: &Problem, found: &Reconstruction, bound: f64) -> bool {
     let freedom = found.freedom as f64;
-    let bound = options.plausible_deviations;
     is_stated(problem)
         && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
 }

@@ -8,6 +8,7 @@ use super::judge::{choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
+use super::search::plain::moved;
 use super::strategy::{effective, finished, lowest};
 use crate::error::Error;
 use crate::lm::Loss;
@@ -17,7 +18,7 @@ use alloc::vec;
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
 /// Where it fits worse than the stated standard deviations allow, or leaves something out that has sightings enough, the
-/// search goes on: grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
+/// search goes on: with landmarks of it in other places, grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
 /// bearings were wrong, in this order until one fits.
 ///
 /// # Errors
@@ -41,11 +42,17 @@ fn persist(
 ) -> Result<Reconstruction, Error> {
     let judge = &options.stages.judge;
     let few = problem.views() <= judge.persistent_views;
-    let is_lacking = |found: &Reconstruction| {
-        is_too_costly(problem, found, judge) || (few && is_incomplete(found))
+    let is_lacking = |found: &Reconstruction, deviations| {
+        is_too_costly(problem, found, deviations) || (few && is_incomplete(found))
     };
     let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
-    if named || options.refine.loss != Loss::Squared || !is_lacking(&best) {
+    if named || options.refine.loss != Loss::Squared || !is_lacking(&best, judge.costly_deviations)
+    {
+        return Ok(best);
+    }
+    let best = with_more_moves(problem, options, best, progress)?;
+    let is_lacking = |found: &Reconstruction| is_lacking(found, judge.plausible_deviations);
+    if !is_lacking(&best) {
         return Ok(best);
     }
     let mut found = vec![best];
@@ -78,6 +85,21 @@ fn persist(
         found.extend(refined(problem, start, options)?);
     }
     choose(problem, found, judge)
+}
+
+/// The best map after more positions of landmarks have been tried than a search tries.
+fn with_more_moves(
+    problem: &Problem,
+    options: &SolveOptions,
+    mut best: Reconstruction,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let mut thorough = *options;
+    thorough.stages.landmark_moves.tried = options.stages.landmark_moves.persistent_tried;
+    let components = core::mem::take(&mut best.components);
+    let mut moved = moved(problem, best, &thorough, progress)?;
+    moved.attach(components);
+    Ok(moved)
 }
 
 /// A map refined; `None` when it cannot be.

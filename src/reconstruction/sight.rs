@@ -32,9 +32,19 @@ impl Default for SightOptions {
 /// A triple of views then covers little of the whole, and a map that is grown from it without refinement in between
 /// drifts. Views and landmarks without sightings do not count.
 pub fn is_limited(problem: &Problem, options: &SightOptions) -> bool {
+    let (views, filled) = views_and_filled(problem);
+    views > options.many_views || (views >= options.few_views && filled < options.filled)
+}
+
+/// What part of the landmarks the views see on average. Views and landmarks without sightings do not count.
+pub fn filled(problem: &Problem) -> f64 {
+    views_and_filled(problem).1
+}
+
+fn views_and_filled(problem: &Problem) -> (usize, f64) {
     let views = (0..problem.views()).filter(|&view| !problem.of_view(view).is_empty());
     let landmarks = (0..problem.landmarks()).filter(|&k| !problem.of_landmark(k).is_empty());
     let (views, landmarks) = (views.count(), landmarks.count());
     let filled = problem.sightings().len() as f64 / (views * landmarks).max(1) as f64;
-    views > options.many_views || (views >= options.few_views && filled < options.filled)
+    (views, filled)
 }

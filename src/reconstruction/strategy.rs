@@ -5,6 +5,7 @@ use super::attempt::converged;
 use super::collapsed::refuse_collapsed;
 use super::far_views::without_far_views;
 use super::grow::resect_view;
+use super::incremental::merge::views;
 use super::infinity::drop_landmarks_at_infinity;
 use super::judge::{assess, judged};
 use super::options::{Progress, SolveOptions, Strategy};
@@ -65,9 +66,16 @@ pub fn lowest(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut maps = components(problem, options, progress)?;
-    for map in &mut maps {
-        drop_landmarks_at_infinity(problem, map, &options.stages.infinity);
+    let mut maps = Vec::new();
+    for map in components(problem, options, progress)? {
+        let few = views(&map) <= options.stages.incremental.moved_views;
+        let mut map = if few {
+            plain::moved(problem, map, options, progress)?
+        } else {
+            map
+        };
+        drop_landmarks_at_infinity(problem, &mut map, &options.stages.infinity);
+        maps.push(map);
     }
     for map in maps.iter_mut().skip(1) {
         assess(problem, map);

@@ -172,6 +172,77 @@ fn maps_that_share_two_landmarks_become_one() {
     }
 }
 
+/// Two maps that share so many landmarks, and of which single views see single landmarks of the other part: too few to
+/// add a view of one to the other.
+fn parts(scene: &Scene, shared: usize, across: &[(usize, usize)]) -> Vec<Sighting> {
+    let mut seen = sightings(scene, 0..6, 0..8 + shared);
+    seen.extend(sightings(scene, 6..14, 8..20));
+    for &(view, landmark) in across {
+        seen.extend(sightings(scene, view..view + 1, landmark..landmark + 1));
+    }
+    seen
+}
+
+#[test]
+fn maps_of_which_views_see_landmarks_of_the_other_become_one() {
+    let there = [(0, 12), (1, 13), (3, 15), (5, 18)];
+    let back = [(7, 0), (9, 3), (10, 5), (13, 6)];
+    let ways: [(usize, &[(usize, usize)]); 6] = [
+        (0, &there),
+        (0, &back),
+        (1, &there[..2]),
+        (1, &back[..2]),
+        (1, &[there[0], there[2], back[1]]),
+        (0, &[there[0], there[1], there[2], there[3], back[2]]),
+    ];
+    for seed in 0..5 {
+        let scene = simulate(Layout::Mixed, 14, 20, 0.0, seed, Arena::default()).unwrap();
+        for (shared, across) in ways {
+            let problem = Problem::new(14, 20, &parts(&scene, shared, across)).unwrap();
+            let found = solve(&problem, &with(Strategy::Incremental), None).unwrap();
+            let which = format!("{seed}: {shared} and {across:?}");
+            assert!(found.components.is_empty(), "{which}");
+            assert!(found.map.is_complete(), "{which}");
+            assert!(distance(&found, &scene) < 1e-6, "{which}");
+        }
+    }
+}
+
+#[test]
+fn what_ties_two_maps_must_agree() {
+    let sigma = 0.5_f64.to_radians();
+    let across = [(0, 12), (1, 13), (3, 15), (5, 18), (7, 0), (9, 3)];
+    for seed in 0..5 {
+        let scene = simulate(Layout::Mixed, 14, 20, 0.0, seed, Arena::default()).unwrap();
+        let mut seen = parts(&scene, 0, &across);
+        for one in &mut seen {
+            one.sigma = sigma;
+        }
+        let joined = solve(
+            &Problem::new(14, 20, &seen).unwrap(),
+            &with(Strategy::Incremental),
+            None,
+        );
+        assert!(joined.unwrap().components.is_empty(), "{seed}");
+        // By thirty standard deviations, which a hundred degrees of freedom would still bear.
+        let count = seen.len();
+        for (one, sign) in seen[count - 6..]
+            .iter_mut()
+            .zip([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+        {
+            one.bearing += sign * 30.0 * sigma;
+        }
+        let apart = solve(
+            &Problem::new(14, 20, &seen).unwrap(),
+            &with(Strategy::Incremental),
+            None,
+        );
+        let apart = apart.unwrap();
+        assert_eq!(apart.components.len(), 1, "{seed}");
+        assert!(apart.rms < 0.1 * sigma, "{seed}");
+    }
+}
+
 #[test]
 fn what_cannot_be_determined_is_named() {
     let scene = simulate(Layout::Mixed, 12, 22, 0.0, 5, Arena::default()).unwrap();

@@ -5,14 +5,13 @@ use super::super::judge::{is_as_good, variance};
 use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::complete::finish;
-use super::gates::{noise, range_variance, rounding};
+use super::gates::rounding;
+use super::join::merged;
 use super::options::IncrementalOptions;
 use crate::error::Error;
-use crate::geometry::{align, transform_pose};
-use crate::problem::{Map, Problem};
+use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::Point2;
 
 /// Number of views in a map.
 pub fn views(found: &Reconstruction) -> usize {
@@ -74,7 +73,7 @@ pub fn merge(
     Ok(found)
 }
 
-/// Two maps merged and refined; `None` when they share too few landmarks or do not fit.
+/// Two maps merged and refined; `None` when nothing ties them or they do not fit.
 fn joined(
     problem: &Problem,
     options: &SolveOptions,
@@ -83,60 +82,32 @@ fn joined(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Reconstruction>, Error> {
     let stage = &options.stages.incremental;
-    let Some(start) = merged(problem, stage, &first.map, &second.map) else {
-        return Ok(None);
-    };
-    let Some(joined) = finish(problem, options, start, free, progress)? else {
-        return Ok(None);
-    };
-    // They belong together when the merged map fits as well as the two apart, per degree of freedom.
-    let freedom = (first.freedom + second.freedom).max(1) as f64;
-    let apart = 2.0 * (first.cost + second.cost) / freedom;
-    let fits = is_as_good(
-        variance(&joined),
-        apart,
-        stage.fitting_ratio,
-        rounding(problem),
-    );
-    Ok(fits.then_some(joined))
-}
-
-/// The first map extended by what only the second has, moved by the similarity that fits their shared
-/// landmarks best; `None` when they share fewer than two well-determined ones.
-///
-/// Two shared landmarks determine the similarity without redundancy; the check is the cost of the refined
-/// whole.
-pub fn merged(
-    problem: &Problem,
-    options: &IncrementalOptions,
-    first: &Map,
-    second: &Map,
-) -> Option<Map> {
-    let (mut source, mut target) = (Vec::new(), Vec::new());
-    let held = |map: &Map, noise: f64, landmark: usize, point: &Point2<f64>| {
-        let bound = options.max_deviation / noise;
-        range_variance(problem, map, landmark, point) < bound * bound
-    };
-    let noises = [first, second].map(|map| noise(problem, map, options));
-    for landmark in 0..problem.landmarks() {
-        if let (Some(a), Some(b)) = (first.landmarks[landmark], second.landmarks[landmark])
-            && held(first, noises[0], landmark, &a)
-            && held(second, noises[1], landmark, &b)
+    for start in merged(problem, stage, &first.map, &second.map) {
+        let joined = finish(problem, options, start, free, progress)?;
+        if let Some(joined) = joined
+            && belong_together(problem, stage, [first, second], &joined)
         {
-            source.push(b);
-            target.push(a);
+            return Ok(Some(joined));
         }
     }
-    if source.len() < options.joining_landmarks {
-        return None;
-    }
-    let similarity = align(&source, &target).ok()?;
-    let mut map = first.clone();
-    for (to, from) in map.poses.iter_mut().zip(&second.poses) {
-        *to = to.or_else(|| from.map(|pose| transform_pose(&similarity, &pose)));
-    }
-    for (to, from) in map.landmarks.iter_mut().zip(&second.landmarks) {
-        *to = to.or_else(|| from.map(|point| similarity.transform_point(&point)));
-    }
-    Some(map)
+    Ok(None)
+}
+
+/// Whether a map fits as well as the two that it was merged from, per degree of freedom, and what ties them is no worse
+/// than what either explains.
+fn belong_together(
+    problem: &Problem,
+    options: &IncrementalOptions,
+    [first, second]: [&Reconstruction; 2],
+    joined: &Reconstruction,
+) -> bool {
+    let own = first.freedom + second.freedom;
+    let apart = 2.0 * (first.cost + second.cost);
+    let rounding = rounding(problem);
+    let noise = apart / own.max(1) as f64;
+    let added = joined.freedom.saturating_sub(own) as f64;
+    let bound = options.joining_deviations;
+    let allowed = added + bound * (2.0 * added).sqrt() + bound * bound;
+    is_as_good(variance(joined), noise, options.fitting_ratio, rounding)
+        && 2.0 * joined.cost - apart <= allowed * (noise + rounding)
 }

@@ -66,8 +66,13 @@ pub struct IncrementalOptions {
     /// Two maps belong together, and a map competes with a better one, when their variances differ by at most this
     /// factor: residuals twice as large. Not sensitive.
     pub fitting_ratio: f64,
-    /// Shared landmarks needed to merge two maps: two determine a similarity. Not sensitive.
+    /// By how many standard deviations the squares of what ties two maps may exceed their expectation.
+    pub joining_deviations: f64,
+    /// Shared landmarks needed to merge two maps by these alone: two determine a similarity. Not sensitive.
     pub joining_landmarks: usize,
+
+    /// Maximum number of views of a map of which landmarks are tried in other positions.
+    pub moved_views: usize,
 }
 
 impl Default for IncrementalOptions {
@@ -95,7 +100,9 @@ impl Default for IncrementalOptions {
             finished_iterations: 100,
             hopeless_ratio: 30.0,
             fitting_ratio: 4.0,
+            joining_deviations: 5.0,
             joining_landmarks: 2,
+            moved_views: 100,
         }
     }
 }

@@ -163,7 +163,7 @@ impl Attempts<'_, '_> {
     fn are_too_costly(&self) -> bool {
         let judge = &self.options.stages.judge;
         let mut found = self.found.iter();
-        found.all(|found| is_too_costly(self.problem, found, judge))
+        found.all(|found| is_too_costly(self.problem, found, judge.plausible_deviations))
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
@@ -260,7 +260,7 @@ impl Attempts<'_, '_> {
     /// A map with single landmarks in other places, as long as that makes it better.
     fn with_landmarks_moved(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
         let stages = &self.options.stages;
-        for _ in 0..stages.minima.move_rounds {
+        for _ in 0..stages.landmark_moves.rounds {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
             }
@@ -272,8 +272,8 @@ impl Attempts<'_, '_> {
             };
             let moved = moved_landmarks(self.problem, &best.map, variance(&best).max(1.0), &moves);
             let mut lower = false;
-            for map in moved.into_iter().take(stages.minima.moves) {
-                let found = self.refined(&map, stages.minima.moved_iterations)?;
+            for map in moved.into_iter().take(stages.landmark_moves.tried) {
+                let found = self.refined(&map, stages.landmark_moves.iterations)?;
                 if let Some(found) = found
                     && found.undetermined.len() <= best.undetermined.len()
                     && found.cost < best.cost * SAME_COST

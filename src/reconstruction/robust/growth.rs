@@ -7,7 +7,7 @@
 //! hardly move.
 
 use super::super::incremental::from_seed;
-use super::super::incremental::merge::merged;
+use super::super::incremental::join::merged;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::search::triples;
 use super::super::stages::StageOptions;
@@ -197,7 +197,7 @@ fn join_all(
     Ok(found)
 }
 
-/// Two maps as one; `None` when they share too few landmarks, or explain more apart.
+/// Two maps as one; `None` when nothing ties them, or they explain more apart.
 fn joined(
     problem: &Problem,
     options: &SolveOptions,
@@ -210,11 +210,16 @@ fn joined(
     } = &options.stages;
     let both = first.inliers.iter().zip(&second.inliers);
     let kept: Vec<bool> = both.map(|(a, b)| *a || *b).collect();
-    let Some(start) = merged(&problem.subset(&kept), incremental, &first.map, &second.map) else {
-        return Ok(None);
-    };
     let outlier = OUTLIER * OUTLIER / 2.0;
     let apart = first.cost + second.cost - outlier * problem.sightings().len() as f64;
-    let joined = cauchy_consensus(problem, start, options)?;
-    Ok(joined.filter(|joined| joined.cost < apart + robust.rival_cost))
+    let inliers = problem.subset(&kept);
+    for start in merged(&inliers, incremental, &first.map, &second.map) {
+        let joined = cauchy_consensus(problem, start, options)?;
+        if let Some(joined) = joined
+            && joined.cost < apart + robust.rival_cost
+        {
+            return Ok(Some(joined));
+        }
+    }
+    Ok(None)
 }

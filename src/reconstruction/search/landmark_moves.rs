@@ -5,6 +5,7 @@
 //! and in between. Two minima of the whole often differ in one such position and little else, and no
 //! hypothesis that is linear in the landmarks distinguishes them.
 
+use super::super::sight::filled;
 use super::options::LandmarkMoveOptions;
 use crate::kernels::triangulate;
 use crate::problem::{Map, Problem};
@@ -20,7 +21,12 @@ pub fn moved_landmarks(
     variance: f64,
     options: &LandmarkMoveOptions,
 ) -> Vec<Map> {
-    let LandmarkMoveOptions { worth, off, away } = *options;
+    let LandmarkMoveOptions { off, away, .. } = *options;
+    let worth = if filled(problem) < options.partial {
+        options.partial_worth
+    } else {
+        options.worth
+    };
     let slack = worth * variance;
     let mut found: Vec<(f64, usize, Point2<f64>)> = Vec::new();
     for (landmark, point) in map.landmarks.iter().enumerate() {

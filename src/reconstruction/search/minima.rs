@@ -14,6 +14,7 @@ use super::super::stages::StageOptions;
 use super::four_landmarks::{along_wall, twin};
 use super::hypotheses::Hypothesis;
 use super::landmark_moves::moved_landmarks;
+use super::options::LandmarkMoveOptions;
 use crate::adjustment::refine_map;
 use crate::error::{Degeneracy, Error};
 use crate::lm::{RefineOptions, Termination};
@@ -48,6 +49,11 @@ impl<'a, 'p> Minima<'a, 'p> {
             unfinished: Vec::new(),
             failure: None,
         }
+    }
+
+    /// Adds a minimum that is known.
+    pub fn add(&mut self, found: Reconstruction) {
+        self.minima.push((found, usize::MAX));
     }
 
     /// Gives each hypothesis a few iterations; with `stop`, until a minimum is beyond doubt. Returns
@@ -166,7 +172,7 @@ impl<'a, 'p> Minima<'a, 'p> {
             let most = self.stages.minima.finished_iterations;
             let iterations = self.refine.max_iterations.min(most);
             if let Some(found) = self.refine(map, iterations, 0, (0, 1))? {
-                self.minima.push((found, usize::MAX));
+                self.add(found);
             }
         }
         Ok(())
@@ -189,29 +195,25 @@ impl<'a, 'p> Minima<'a, 'p> {
     ///
     /// # Errors
     /// As [`Minima::try_out`].
-    pub fn move_landmarks(&mut self) -> Result<(), Error> {
-        for _ in 0..self.stages.minima.move_rounds {
+    pub fn move_landmarks(&mut self, options: &LandmarkMoveOptions) -> Result<(), Error> {
+        for _ in 0..options.rounds {
             let Some(best) = self.lowest() else { break };
             if best.freedom == 0 || best.termination == Termination::ZeroResidual {
                 break;
             }
             let cost = best.cost;
-            let maps = moved_landmarks(
-                self.problem,
-                &best.map,
-                variance(best),
-                &self.stages.landmark_moves,
-            );
-            let total = maps.len().min(self.stages.minima.moves);
+            let maps = moved_landmarks(self.problem, &best.map, variance(best), options);
+            let total = maps.len().min(options.tried);
             let mut lower = false;
-            for (done, map) in maps.into_iter().take(self.stages.minima.moves).enumerate() {
-                let iterations = self
-                    .refine
-                    .max_iterations
-                    .min(self.stages.minima.moved_iterations);
-                if let Some(found) = self.refine(map, iterations, 0, (done, total))? {
-                    lower |= found.cost < cost * SAME_COST;
-                    self.minima.push((found, usize::MAX));
+            for (done, map) in maps.into_iter().take(total).enumerate() {
+                let iterations = self.refine.max_iterations.min(options.iterations);
+                let Some(found) = self.refine(map, iterations, 0, (done, total))? else {
+                    continue;
+                };
+                let is_lower = found.cost < cost * SAME_COST;
+                lower |= is_lower;
+                if is_lower || found.termination.was_successful() {
+                    self.add(found);
                 }
             }
             if !lower {

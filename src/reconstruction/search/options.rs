@@ -65,13 +65,6 @@ pub struct MinimaOptions {
     /// Minimum degrees of freedom with which the cost alone identifies the right minimum when the first iterations did
     /// not reach it: such minima are wrong more often. Not sensitive.
     pub sure_freedom: usize,
-    /// Alternative positions of landmarks that are tried in a round. Not sensitive.
-    pub moves: usize,
-    /// Maximum number of such rounds; one that does not lower the cost is the last. Not sensitive.
-    pub move_rounds: usize,
-    /// Iterations that each of them gets: one that is no better by then converges slowly because it is worse. Not
-    /// sensitive.
-    pub moved_iterations: usize,
 }
 
 impl Default for MinimaOptions {
@@ -82,9 +75,6 @@ impl Default for MinimaOptions {
             finished_iterations: 100,
             hopeless_ratio: 30.0,
             sure_freedom: 45,
-            moves: 4,
-            move_rounds: 3,
-            moved_iterations: 30,
         }
     }
 }
@@ -98,19 +88,40 @@ pub struct LandmarkMoveOptions {
     /// A position is worth a refinement when the cost there, with the views held fixed, is higher by at most this many
     /// times the variance of the residuals. Not sensitive.
     pub worth: f64,
+    /// The same where the views see less than `partial` of the landmarks on average: a landmark of few sightings moves its
+    /// views with it, and their wrong minima are farther apart. Most of these refinements are in vain, and would take as
+    /// long as the whole search of a full table.
+    pub partial_worth: f64,
+    /// What part of the landmarks that is.
+    pub partial: f64,
     /// Distance from a view at which a landmark starts, and minimum distance of a start from the present position. Not
     /// sensitive.
     pub off: f64,
     /// Distance at which a landmark that may be at infinity starts. Not sensitive.
     pub away: f64,
+    /// Alternative positions that are tried in a round. Not sensitive.
+    pub tried: usize,
+    /// The same where the best map fits worse than the stated standard deviations allow, or leaves something out.
+    pub persistent_tried: usize,
+    /// Maximum number of such rounds; one that does not lower the cost is the last. Not sensitive.
+    pub rounds: usize,
+    /// Iterations that each of them gets: one that is no better by then converges slowly because it is worse. Not
+    /// sensitive.
+    pub iterations: usize,
 }
 
 impl Default for LandmarkMoveOptions {
     fn default() -> Self {
         Self {
             worth: 10.0,
+            partial_worth: 1000.0,
+            partial: 0.75,
             off: 0.02,
             away: 30.0,
+            tried: 4,
+            persistent_tried: 20,
+            rounds: 3,
+            iterations: 10,
         }
     }
 }

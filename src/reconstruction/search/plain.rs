@@ -54,7 +54,7 @@ pub fn lowest(
             minima.add_twin()?;
         }
     }
-    minima.move_landmarks()?;
+    minima.move_landmarks(&options.stages.landmark_moves)?;
     best_of(problem, minima, &options.stages)
 }
 
@@ -72,6 +72,22 @@ pub fn from_map(
     let start = hypotheses::Hypothesis { map, triple: 0 };
     minima.try_out([start].into_iter(), false)?;
     minima.finish(true)?;
+    best_of(problem, minima, &options.stages)
+}
+
+/// The best minimum that moves of single landmarks lead to from this one.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+pub fn moved(
+    problem: &Problem,
+    found: Reconstruction,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let mut minima = Minima::new(problem, options, progress);
+    minima.add(found);
+    minima.move_landmarks(&options.stages.landmark_moves)?;
     best_of(problem, minima, &options.stages)
 }
 

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Two maps in one frame: the similarity between them by shared landmarks and by sightings across.
+//!
+//! A similarity `M p + t` with `M = [c -d; d c]` is linear in `(c, d, t)`. A landmark `p` of both maps, at `q` in the
+//! first, gives two equations, `M p + t = q`. A view of the first map at `q` that sees a landmark `p` of the second alone
+//! along the unit vector `u` gives one, `n . (M p + t - q) = 0` with `n` perpendicular to `u`. A sighting the other way,
+//! of a landmark of the first map from a view of the second, is linear in the inverse; so both directions are tried.
+
+use super::gates::{noise, range_variance};
+use super::options::IncrementalOptions;
+use crate::adjustment::decompose::singular_values;
+use crate::geometry::{align, transform_pose};
+use crate::problem::{Map, Problem};
+use alloc::vec::Vec;
+use nalgebra::{
+    Complex, DMatrix, DVector, Point2, Similarity2, Translation2, UnitComplex, Vector2,
+};
+
+/// Unknowns of a similarity.
+const UNKNOWNS: usize = 4;
+
+/// Ratio of the singular values below which the equations leave a direction free. Not an option: it is far above
+/// rounding, and what noise leaves free fails the test of the joined map.
+const RANK: f64 = 1e-6;
+
+/// The first map extended by what only the second has, once for each way to move that into its frame, the most reliable
+/// first; empty when neither landmarks nor sightings tie the two.
+///
+/// The ties may determine the similarity without redundancy; the check is the cost of the refined whole. Landmarks that
+/// a map determines badly serve only where others do not lead to it.
+pub fn merged<'a>(
+    problem: &'a Problem,
+    options: &'a IncrementalOptions,
+    first: &'a Map,
+    second: &'a Map,
+) -> impl Iterator<Item = Map> + 'a {
+    [options.max_deviation, f64::INFINITY]
+        .into_iter()
+        .flat_map(move |deviation| {
+            let [to, from] = [first, second].map(|map| Part::new(problem, options, deviation, map));
+            similarities(problem, options.joining_landmarks, &to, &from)
+        })
+        .map(move |similarity| extended(first, second, &similarity))
+}
+
+/// The similarities that move the second map into the frame of the first: by landmarks alone, and by sightings across
+/// in either direction.
+fn similarities(
+    problem: &Problem,
+    joining_landmarks: usize,
+    to: &Part<'_>,
+    from: &Part<'_>,
+) -> Vec<Similarity2<f64>> {
+    let shared: Vec<[Point2<f64>; 2]> = (0..problem.landmarks())
+        .filter_map(|landmark| Some([to.held[landmark]?, from.held[landmark]?]))
+        .collect();
+    let swapped: Vec<_> = shared.iter().map(|&[a, b]| [b, a]).collect();
+    let aligned = if shared.len() >= joining_landmarks {
+        let [targets, sources]: [Vec<_>; 2] =
+            [&shared, &swapped].map(|pairs| pairs.iter().map(|pair| pair[0]).collect());
+        align(&sources, &targets).ok()
+    } else {
+        None
+    };
+    let there = similarity(&shared, &to.sightings_of(problem, from));
+    let back = similarity(&swapped, &from.sightings_of(problem, to));
+    let back = back.map(|back| back.inverse());
+    aligned.into_iter().chain(there).chain(back).collect()
+}
+
+/// A map and those of its landmarks of which it determines the range well.
+struct Part<'a> {
+    map: &'a Map,
+    held: Vec<Option<Point2<f64>>>,
+}
+
+impl<'a> Part<'a> {
+    fn new(problem: &Problem, options: &IncrementalOptions, deviation: f64, map: &'a Map) -> Self {
+        let bound = deviation / noise(problem, map, options);
+        let is_held = |landmark: usize, point: &Point2<f64>| {
+            !(range_variance(problem, map, landmark, point) > bound * bound)
+        };
+        let landmarks = map.landmarks.iter().enumerate();
+        let held =
+            landmarks.map(|(landmark, point)| point.filter(|point| is_held(landmark, point)));
+        Self {
+            map,
+            held: held.collect(),
+        }
+    }
+
+    /// What the views of this map see of the landmarks that only another map has: the position of the view, the
+    /// direction of the ray, and the landmark in the frame of the other.
+    fn sightings_of(&self, problem: &Problem, other: &Self) -> Vec<Across> {
+        let sightings = problem.sightings().iter();
+        let across = sightings.filter_map(|s| {
+            let landmark = other.held[s.landmark]?;
+            let pose = self.map.poses[s.view]?;
+            let ray = pose.rotation.into_inner() * s.bearing.into_inner();
+            let is_new = self.map.landmarks[s.landmark].is_none();
+            is_new.then_some(Across {
+                landmark,
+                view: Point2::from(pose.translation.vector),
+                ray: Vector2::new(ray.re, ray.im),
+            })
+        });
+        across.collect()
+    }
+}
+
+/// A sighting from a view of one map of a landmark of another.
+struct Across {
+    landmark: Point2<f64>,
+    view: Point2<f64>,
+    ray: Vector2<f64>,
+}
+
+/// The similarity that moves what the second of each pair is to where the first is, and landmarks seen across onto
+/// their rays; `None` when there are too few equations, when they leave a direction free, or when a landmark comes to be
+/// behind the view that sees it.
+fn similarity(shared: &[[Point2<f64>; 2]], across: &[Across]) -> Option<Similarity2<f64>> {
+    let count = 2 * shared.len() + across.len();
+    if across.is_empty() || count < UNKNOWNS {
+        return None;
+    }
+    let mut rows = Vec::with_capacity(count);
+    for [to, from] in shared {
+        rows.push(([from.x, -from.y, 1.0, 0.0], to.x));
+        rows.push(([from.y, from.x, 0.0, 1.0], to.y));
+    }
+    for Across {
+        landmark,
+        view,
+        ray,
+    } in across
+    {
+        let normal = Vector2::new(-ray.y, ray.x);
+        let turned = Vector2::new(-landmark.y, landmark.x);
+        let (along, over) = (normal.dot(&landmark.coords), normal.dot(&turned));
+        rows.push(([along, over, normal.x, normal.y], normal.dot(&view.coords)));
+    }
+    let matrix = DMatrix::from_fn(count, UNKNOWNS, |row, column| rows[row].0[column]);
+    let right = DVector::from_iterator(count, rows.iter().map(|row| row.1));
+    let found = singular_values(&matrix)?;
+    if found.values[UNKNOWNS - 1] < RANK * found.values[0] {
+        return None;
+    }
+    let projected = found.left.tr_mul(&right);
+    let divided = projected.component_div(&DVector::from_vec(found.values));
+    let solution = found.right * divided;
+    let turn = Complex::new(solution[0], solution[1]);
+    let scale = turn.norm();
+    if !(scale > 0.0 && scale.is_finite()) {
+        return None;
+    }
+    let similarity = Similarity2::from_parts(
+        Translation2::new(solution[2], solution[3]),
+        UnitComplex::new_unchecked(turn / scale),
+        scale,
+    );
+    let is_ahead = |one: &Across| {
+        let offset = similarity.transform_point(&one.landmark) - one.view;
+        offset.dot(&one.ray) > 0.0
+    };
+    across.iter().all(is_ahead).then_some(similarity)
+}
+
+/// A map with what only another has, moved by a similarity.
+fn extended(first: &Map, second: &Map, similarity: &Similarity2<f64>) -> Map {
+    let mut map = first.clone();
+    for (to, from) in map.poses.iter_mut().zip(&second.poses) {
+        *to = to.or_else(|| from.map(|pose| transform_pose(similarity, &pose)));
+    }
+    for (to, from) in map.landmarks.iter_mut().zip(&second.landmarks) {
+        *to = to.or_else(|| from.map(|point| similarity.transform_point(&point)));
+    }
+    map
+}
