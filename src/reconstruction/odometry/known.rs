@@ -7,6 +7,7 @@
 use super::super::grow::resect_view;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
 use crate::geometry::Pose;
+use crate::lm::Loss;
 use crate::problem::{IndexedSighting, Map, Prior, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -109,7 +110,8 @@ impl Known {
         let best = candidates
             .into_iter()
             .min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-        Some(descend_view(problem, &seen, terms, best, STEPS))
+        let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
+        Some(descend_view(problem, &seen, terms, loss, best, STEPS))
     }
 }
 

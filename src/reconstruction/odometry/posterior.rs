@@ -20,6 +20,7 @@ use super::super::result::Reconstruction;
 use super::super::robust::solve::{check_sigmas, solve_robust};
 use super::super::search::landmark_moves::moved_landmarks;
 use super::super::search::options::LandmarkMoveOptions;
+use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
@@ -259,21 +260,30 @@ impl Attempts<'_, '_> {
 
     /// A map with single landmarks in other places, as long as that makes it better.
     fn with_landmarks_moved(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
-        let stages = &self.options.stages;
-        for _ in 0..stages.landmark_moves.rounds {
+        let StageOptions {
+            landmark_moves,
+            judge,
+            ..
+        } = &self.options.stages;
+        for _ in 0..landmark_moves.rounds {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
             }
             let size = size(&best.map);
             let moves = LandmarkMoveOptions {
-                off: stages.landmark_moves.off * size,
-                away: stages.landmark_moves.away * size,
-                ..stages.landmark_moves
+                off: landmark_moves.off * size,
+                away: landmark_moves.away * size,
+                ..*landmark_moves
+            };
+            let tried = if is_too_costly(self.problem, &best, judge.costly_deviations) {
+                moves.persistent_tried
+            } else {
+                moves.tried
             };
             let moved = moved_landmarks(self.problem, &best.map, variance(&best).max(1.0), &moves);
             let mut lower = false;
-            for map in moved.into_iter().take(stages.landmark_moves.tried) {
-                let found = self.refined(&map, stages.landmark_moves.iterations)?;
+            for map in moved.into_iter().take(tried) {
+                let found = self.refined(&map, moves.iterations)?;
                 if let Some(found) = found
                     && found.undetermined.len() <= best.undetermined.len()
                     && found.cost < best.cost * SAME_COST

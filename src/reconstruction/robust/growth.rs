@@ -46,7 +46,7 @@ pub fn grow(
         }
         found.push(next);
     }
-    join_all(problem, options, found)
+    join_all(problem, options, found, progress)
 }
 
 /// Seeds from random samples of many triples of views, those that most landmarks support first.
@@ -178,11 +178,16 @@ fn join_all(
     problem: &Problem,
     options: &SolveOptions,
     mut found: Vec<Consensus>,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Consensus>, Error> {
     let size = |found: &Consensus| found.map.poses.iter().flatten().count();
     found.sort_by_key(|found| core::cmp::Reverse(size(found)));
     let (mut a, mut b) = (0, 1);
+    let total = found.len();
     while a + 1 < found.len() {
+        if !report_progress(progress, "join", total - found.len(), total) {
+            return Err(Error::Interrupted);
+        }
         if b == found.len() {
             (a, b) = (a + 1, a + 2);
         } else if let Some(joined) = joined(problem, options, [&found[a], &found[b]])? {

@@ -147,19 +147,20 @@ pub fn moved(
     let seen: Vec<_> = map.seen(problem, motion.end).collect();
     let term = PoseTerm::motion(from, motion);
     let predicted = term.wanted;
-    descend_view(problem, &seen, &[term], predicted, steps)
+    let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
+    descend_view(problem, &seen, &[term], loss, predicted, steps)
 }
 
-/// The minimum next to a pose of the squares of what pulls at it and of Cauchy's loss of its bearings, by at most
-/// so many steps of Gauss-Newton.
+/// The minimum next to a pose of the squares of what pulls at it and of a loss of its bearings, by at most so many
+/// steps of Gauss-Newton.
 pub fn descend_view(
     problem: &Problem,
     seen: &[(Point2<f64>, &IndexedSighting)],
     terms: &[PoseTerm],
+    loss: Loss<f64>,
     start: Pose<f64>,
     steps: usize,
 ) -> Pose<f64> {
-    let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
     let linearize = |at: &Pose<f64>| {
         let (mut cost, mut gradient, mut normal) = (0.0, Vector3::zeros(), Matrix3::zeros());
         for term in terms {

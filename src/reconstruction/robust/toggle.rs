@@ -6,11 +6,13 @@
 
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, square};
+use super::motions::descend_view;
 use crate::error::Error;
 use crate::geometry::Pose;
+use crate::lm::Loss;
 use crate::problem::{IndexedSighting, Problem};
 use alloc::vec::Vec;
-use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
+use nalgebra::{Matrix2, Point2, Vector2};
 
 /// Changes sightings view by view and landmark by landmark, as long as that lowers the cost of the refined map.
 ///
@@ -35,21 +37,14 @@ pub fn toggle(
                 continue;
             };
             let seen: Vec<_> = map.seen(problem, view).collect();
-            let squares = |at: &Pose<f64>| -> Vec<f64> {
-                seen.iter()
-                    .map(|(point, s)| square(problem, s, at, point))
-                    .collect()
+            let square_at = |at: &Pose<f64>, (point, s): &(Point2<f64>, &IndexedSighting)| {
+                square(problem, s, at, point)
             };
-            let estimate = |kept: &[bool]| {
-                let kept = seen.iter().zip(kept).filter(|(_, kept)| **kept);
-                pose_of(
-                    problem,
-                    &pose,
-                    kept.map(|(seen, _)| *seen),
-                    robust.motion_steps,
-                )
+            let estimate = |kept: &[_]| {
+                let (loss, steps) = (Loss::Squared, robust.motion_steps);
+                descend_view(problem, kept, &[], loss, pose, steps)
             };
-            if let Some(better) = best_toggled(&pose, squares, estimate, robust.toggled) {
+            if let Some(better) = toggled(&pose, &seen, square_at, estimate, robust.toggled) {
                 map.poses[view] = Some(better);
                 changed = true;
             }
@@ -59,21 +54,11 @@ pub fn toggle(
                 continue;
             };
             let rays: Vec<_> = map.rays(problem, landmark).collect();
-            let squares = |at: &Point2<f64>| -> Vec<f64> {
-                rays.iter()
-                    .map(|(pose, s)| square(problem, s, pose, at))
-                    .collect()
+            let square_at = |at: &Point2<f64>, (pose, s): &(Pose<f64>, &IndexedSighting)| {
+                square(problem, s, pose, at)
             };
-            let estimate = |kept: &[bool]| {
-                let kept = rays.iter().zip(kept).filter(|(_, kept)| **kept);
-                point_of(
-                    problem,
-                    &point,
-                    kept.map(|(ray, _)| *ray),
-                    robust.motion_steps,
-                )
-            };
-            if let Some(better) = best_toggled(&point, squares, estimate, robust.toggled) {
+            let estimate = |kept: &[_]| descend_landmark(problem, kept, point, robust.motion_steps);
+            if let Some(better) = toggled(&point, &rays, square_at, estimate, robust.toggled) {
                 map.landmarks[landmark] = Some(better);
                 changed = true;
             }
@@ -90,89 +75,63 @@ pub fn toggle(
     Ok(best)
 }
 
-/// The best place after a change of one sighting, if it is better than the present one: sightings up to `bound`
+/// The best place after a change of one of its sightings, if it is better than the present one: sightings up to `bound`
 /// standard deviations are changed.
-fn best_toggled<P>(
+fn toggled<P, S: Copy>(
     present: &P,
-    squares: impl Fn(&P) -> Vec<f64>,
-    estimate: impl Fn(&[bool]) -> Option<P>,
+    sightings: &[S],
+    square_at: impl Fn(&P, &S) -> f64,
+    estimate: impl Fn(&[S]) -> P,
     bound: f64,
 ) -> Option<P> {
     let most = OUTLIER * OUTLIER;
-    let cost = |squares: &[f64]| {
-        squares
-            .iter()
-            .fold(0.0, |sum, square| sum + square.min(most))
+    let cost = |place: &P| -> f64 {
+        let squares = sightings.iter().map(|s| square_at(place, s).min(most));
+        squares.sum()
     };
-    let now = squares(present);
-    let mut kept: Vec<bool> = now.iter().map(|square| *square <= most).collect();
+    let now: Vec<f64> = sightings.iter().map(|s| square_at(present, s)).collect();
     // Less is rounding.
-    let mut least = cost(&now) * (1.0 - 1e-9) - 1e-9;
+    let mut least = cost(present) * (1.0 - 1e-9) - 1e-9;
     let mut best = None;
-    for k in 0..kept.len() {
-        if now[k] > bound * bound {
-            continue;
+    let mut kept = Vec::with_capacity(sightings.len());
+    for changed in (0..now.len()).filter(|&k| now[k] <= bound * bound) {
+        kept.clear();
+        let is_kept = |k: usize| (now[k] <= most) != (k == changed);
+        kept.extend((0..now.len()).filter(|&k| is_kept(k)).map(|k| sightings[k]));
+        let place = estimate(&kept);
+        let then = cost(&place);
+        if then < least {
+            least = then;
+            best = Some(place);
         }
-        kept[k] = !kept[k];
-        if let Some(place) = estimate(&kept) {
-            let then = cost(&squares(&place));
-            if then < least {
-                least = then;
-                best = Some(place);
-            }
-        }
-        kept[k] = !kept[k];
     }
     best
 }
 
-/// The pose that some sightings of known landmarks determine, near a start, by Gauss-Newton; `None` when they do not.
-fn pose_of<'a>(
+/// The minimum next to a position of the squares of its bearings, by at most so many steps of Gauss-Newton.
+fn descend_landmark(
     problem: &Problem,
-    start: &Pose<f64>,
-    seen: impl Iterator<Item = (Point2<f64>, &'a IndexedSighting)> + Clone,
+    rays: &[(Pose<f64>, &IndexedSighting)],
+    start: Point2<f64>,
     steps: usize,
-) -> Option<Pose<f64>> {
-    let mut pose = *start;
-    for _ in 0..steps {
-        let (mut gradient, mut normal) = (Vector3::zeros(), Matrix3::zeros());
-        for (point, s) in seen.clone() {
-            let local = pose.inverse_transform_point(&point);
-            let range = local.coords.norm_squared();
-            let row = Vector3::new(local.y / range, -local.x / range, -1.0) * s.weight;
-            gradient += row * (problem.residual(&pose, &point, s) * s.weight);
-            normal += row * row.transpose();
-        }
-        let step = normal.cholesky()?.solve(&gradient);
-        pose *= Pose::new(Vector2::new(-step.x, -step.y), -step.z);
-        if step.norm() < 1e-6 {
-            break;
-        }
-    }
-    Some(pose)
-}
-
-/// The position that some rays determine, near a start, by Gauss-Newton; `None` when they do not.
-fn point_of<'a>(
-    problem: &Problem,
-    start: &Point2<f64>,
-    rays: impl Iterator<Item = (Pose<f64>, &'a IndexedSighting)> + Clone,
-    steps: usize,
-) -> Option<Point2<f64>> {
-    let mut point = *start;
+) -> Point2<f64> {
+    let mut point = start;
     for _ in 0..steps {
         let (mut gradient, mut normal) = (Vector2::zeros(), Matrix2::zeros());
-        for (pose, s) in rays.clone() {
+        for (pose, s) in rays {
             let offset = point.coords - pose.translation.vector;
             let row = Vector2::new(-offset.y, offset.x) * (s.weight / offset.norm_squared());
-            gradient += row * (problem.residual(&pose, &point, s) * s.weight);
+            gradient += row * (problem.residual(pose, &point, s) * s.weight);
             normal += row * row.transpose();
         }
-        let step = normal.cholesky()?.solve(&gradient);
+        let Some(factor) = normal.cholesky() else {
+            break;
+        };
+        let step = factor.solve(&gradient);
         point -= step;
         if step.norm() < 1e-6 {
             break;
         }
     }
-    Some(point)
+    point
 }

@@ -120,7 +120,7 @@ impl Default for LandmarkMoveOptions {
             away: 30.0,
             tried: 4,
             persistent_tried: 20,
-            rounds: 3,
+            rounds: 10,
             iterations: 10,
         }
     }
