@@ -9,6 +9,7 @@ pub(crate) mod cholesky;
 pub(crate) mod decompose;
 pub(crate) mod elimination;
 pub(crate) mod gauge;
+pub(crate) mod linear_similarity;
 mod newton;
 pub(crate) mod normal_equations;
 pub(crate) mod prior_rows;

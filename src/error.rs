@@ -273,10 +273,12 @@ impl fmt::Display for Error {
             }
             Self::Degenerate { kind, value, bound } => {
                 let (quantity, advice) = (kind.quantity(), kind.advice());
-                write!(
-                    f,
-                    "degenerate geometry: {quantity} is {value:.3e}, bound {bound:.3e}; {advice}"
-                )
+                write!(f, "degenerate geometry: {quantity} is ")?;
+                if value % 1.0 == 0.0 && bound % 1.0 == 0.0 {
+                    write!(f, "{value}, bound {bound}; {advice}")
+                } else {
+                    write!(f, "{value:.3e}, bound {bound:.3e}; {advice}")
+                }
             }
             Self::NeedsOriented { what } => {
                 write!(

@@ -7,6 +7,8 @@
 use super::bundle::Bundle;
 use super::decompose::pseudo_inverse;
 use super::elimination::kept_positions;
+use super::gauge::FixedByPriors;
+use super::linear_similarity::{LinearSimilarity, UNKNOWNS};
 use super::prior_rows::linearize;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -38,17 +40,19 @@ pub fn aligned_to_priors(problem: &Problem, map: &Map) -> Map {
     if active.priors().is_empty() || map.poses.iter().flatten().next().is_none() {
         return map.clone();
     }
-    let mut best = fit_similarity(&active, Bundle::from_map(map));
-    for first in first_frames(&active, &Bundle::from_map(map)) {
-        let mut bundle = Bundle::from_map(map);
-        bundle.transform(&first);
-        let found = fit_similarity(&active, bundle);
-        if found.0 < best.0 {
-            best = found;
-        }
-    }
+    let bundle = Bundle::from_map(map);
+    let frames = first_frames(&active, &bundle).into_iter();
+    let fits = frames.chain([Similarity2::identity()]).map(|frame| {
+        let mut bundle = bundle.clone();
+        bundle.transform(&frame);
+        fit_similarity(&active, bundle)
+    });
+    // Of equals the first: the map as it is comes last, because it may be far from where the priors want it.
+    let best = fits.min_by(|a, b| a.0.total_cmp(&b.0));
     let mut result = map.clone();
-    best.1.write_to(&mut result);
+    if let Some((_, bundle)) = best {
+        bundle.write_to(&mut result);
+    }
     result
 }
 
@@ -86,19 +90,29 @@ fn turn_round(problem: &Problem, bundle: &mut Bundle) {
 /// of motions.
 fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
+    let mut places = LinearSimilarity::default();
     let mut turn = Complex::new(0.0, 0.0);
     let (mut lengths, mut squares) = (0.0, 0.0);
     for prior in problem.priors() {
         match prior {
             Prior::Landmark {
                 landmark, position, ..
-            } => pairs.push((bundle.landmarks[*landmark], *position)),
+            } => {
+                let estimate = &bundle.landmarks[*landmark];
+                places.add_point(estimate, position);
+                pairs.push((*estimate, *position));
+            }
             Prior::Pose { view, pose, root } => {
                 let estimate = &bundle.poses[*view];
+                let (from, to) = (
+                    Point2::from(estimate.translation.vector),
+                    Point2::from(pose.translation.vector),
+                );
+                for known in (0..2).filter(|&k| root[k][k] > 0.0) {
+                    places.add_line(&from, &Vector2::ith(known, 1.0), &to);
+                }
                 if root[0][0] > 0.0 && root[1][1] > 0.0 {
-                    let place = |v: &Vector2<f64>| Point2::from(*v);
-                    let (a, b) = (&estimate.translation.vector, &pose.translation.vector);
-                    pairs.push((place(a), place(b)));
+                    pairs.push((from, to));
                 }
                 if root[2][2] > 0.0 {
                     let by = (estimate.rotation.inverse() * pose.rotation).into_inner();
@@ -117,8 +131,10 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
         }
     }
     let mut found = Vec::new();
-    let (source, target): (Vec<_>, Vec<_>) = pairs.iter().copied().unzip();
-    found.extend(crate::geometry::align(&source, &target));
+    // Three equations fix what can be fixed where one coordinate is known of each.
+    if places.count() >= UNKNOWNS - 1 {
+        found.extend(places.solve().map(|(similarity, _)| similarity));
+    }
     let scale = lengths / squares;
     let scale = if scale > 0.0 && scale.is_finite() {
         scale
@@ -147,8 +163,11 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
 
 /// Minimises the cost over translation, rotation and scale by Gauss-Newton; returns twice the cost and the bundle
 /// at the minimum.
+///
+/// A scale that odometry and priors do not fix stays: a step along it would move the one place that they know.
 fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
+    let scaled = f64::from(u8::from(FixedByPriors::of(problem).fixes_scale()));
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
         let middle = centroid(&kept_positions::<3>(&bundle));
@@ -169,7 +188,7 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
                         x,
                         y,
                         y * q.x - x * q.y + turned * heading,
-                        x * q.x + y * q.y,
+                        scaled * (x * q.x + y * q.y),
                     );
                 }
                 normal += change * change.transpose();

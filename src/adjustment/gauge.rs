@@ -217,6 +217,11 @@ impl FixedByPriors {
         fixed
     }
 
+    /// Whether the scale is fixed.
+    pub fn fixes_scale(&self) -> bool {
+        self.scale
+    }
+
     /// Whether heading and scale are fixed, and no position is.
     pub fn leaves_translation_only(&self) -> bool {
         self.points.is_empty() && self.heading && self.scale

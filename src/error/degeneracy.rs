@@ -171,7 +171,7 @@ impl Degeneracy {
             Self::NoStart => (
                 "no_start",
                 "number of starts that could be refined",
-                "add odometry, known poses or landmarks, or sightings of landmarks that several views share, and check their standard deviations",
+                "what is known leads to no map: diagnose names what each view lacks; add views of landmarks that several views share, odometry, or more of poses and landmarks, and check their standard deviations",
             ),
             Self::NoSpareSighting => (
                 "no_spare_sighting",

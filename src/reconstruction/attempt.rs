@@ -2,6 +2,7 @@
 //! Refinements that may fail: a start that leads nowhere does not stop the others.
 
 use super::infinity::with_landmarks_at_infinity;
+use super::judge::SAME_COST;
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use crate::adjustment::{Report, refine_map};
@@ -41,6 +42,9 @@ pub fn recoverable<T>(result: Result<T, Error>) -> Result<Result<T, Error>, Erro
 /// A map that was given few iterations, refined to the end with all of its bearings, those of landmarks at infinity
 /// among them; its alternatives and components stay.
 ///
+/// One that no step lowers is refined anew as well, in the frame of the report: where a free scale has shrunk, steps were
+/// lost in rounding.
+///
 /// # Errors
 /// Those that stop everything, as [`recoverable`].
 pub fn converged(
@@ -51,24 +55,31 @@ pub fn converged(
 ) -> Result<Reconstruction, Error> {
     let sizes = options.stages.incremental.far_sizes;
     let options = &options.refine;
-    let left = options.max_iterations.saturating_sub(found.iterations);
-    if found.termination != Termination::MaxIterations || left == 0 {
-        return Ok(found);
-    }
-    let further = RefineOptions {
-        max_iterations: left,
-        ..*options
-    };
-    let mut map = with_landmarks_at_infinity(problem, &found, sizes);
-    let used = found.iterations;
-    let mut observer =
-        |done, _| report_progress(progress, "refine", used + done, options.max_iterations);
-    if let Some(report) = attempt(problem, &mut map, &further, Some(&mut observer))? {
+    loop {
+        let stuck = found.termination == Termination::NoProgress;
+        let left = options.max_iterations.saturating_sub(found.iterations);
+        if !(stuck || found.termination == Termination::MaxIterations) || left == 0 {
+            return Ok(found);
+        }
+        let further = RefineOptions {
+            max_iterations: left,
+            ..*options
+        };
+        let mut map = with_landmarks_at_infinity(problem, &found, sizes);
+        let used = found.iterations;
+        let mut observer =
+            |done, _| report_progress(progress, "refine", used + done, options.max_iterations);
+        let Some(report) = attempt(problem, &mut map, &further, Some(&mut observer))? else {
+            return Ok(found);
+        };
         let mut refined = Reconstruction::new(problem, &map, report);
+        let lower = refined.cost < found.cost * SAME_COST;
+        if stuck && !lower {
+            return Ok(found);
+        }
         refined.iterations += used;
         refined.alternatives = core::mem::take(&mut found.alternatives);
         refined.attach(core::mem::take(&mut found.components));
         found = refined;
     }
-    Ok(found)
 }

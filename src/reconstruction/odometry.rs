@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod compass;
+mod complete;
 mod frames;
 mod growth;
 mod headings;

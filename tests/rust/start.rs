@@ -5,7 +5,7 @@ use bearslam::{
     Error, LandmarkPrior, Map, Noise, Odometry, Pose, PosePrior, Problem, Reconstruction,
     RefineOptions, Sighting, SolveOptions, Subject, Why, bearing_to, pose, refine, solve,
 };
-use nalgebra::Point2;
+use nalgebra::{Point2, Translation2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
@@ -228,6 +228,154 @@ fn a_compass_places_views_that_see_four_landmarks() {
         let problem = problem.with_pose_priors(&known).unwrap();
         // Minima that differ in one landmark are that near to each other.
         world.comes_within(1e-2, &problem, false);
+    }
+}
+
+/// A room of 20 m by 15 m in which views see landmarks up to a distance.
+fn room(seed: u64, views: usize, landmarks: usize, sight: f64) -> (World, Problem) {
+    let mut world = World::new(seed);
+    for _ in 0..views {
+        let (x, y) = (world.between(0.0, 20.0), world.between(0.0, 15.0));
+        let heading = world.between(-PI, PI);
+        world.poses.push(pose(x, y, heading));
+    }
+    for _ in 0..landmarks {
+        let place = Point2::new(world.between(0.0, 20.0), world.between(0.0, 15.0));
+        world.landmarks.push(place);
+    }
+    let (poses, points) = (world.poses.clone(), world.landmarks.clone());
+    let near = |view: usize, landmark: usize| {
+        (points[landmark].coords - poses[view].translation.vector).norm() < sight
+    };
+    let problem = world.problem(near);
+    (world, problem)
+}
+
+/// Whether a solve ends as low as the refinement from the truth and reaches all that it reaches; `None` when the problem
+/// does not determine its map to a tenth of its size.
+fn is_right(world: &World, problem: &Problem) -> Option<bool> {
+    let options = RefineOptions::default();
+    let best = refine(problem, &world.truth(), &options, None).ok()?;
+    if !(best.freedom > 3 && best.uncertainty < 0.1) {
+        return None;
+    }
+    let reaches = |found: &Reconstruction| {
+        let mut poses = best.map.poses.iter().zip(&found.map.poses);
+        poses.all(|(best, found)| best.is_none() || found.is_some())
+    };
+    Some(
+        solve(problem, &SolveOptions::default(), None).is_ok_and(|found| {
+            found.cost < best.cost + 1e-2 * best.cost.max(1.0) && reaches(&found)
+        }),
+    )
+}
+
+/// One known pose says nothing of the scale: where the map lies in the frame of the priors must not change it.
+#[test]
+fn one_known_pose_leads_to_the_same_map_wherever_it_is() {
+    for seed in 0..6 {
+        for (x, y) in [(0.0, 0.0), (1e3, -2e3), (5e5, 4.2e6)] {
+            let (mut world, problem) = room(seed, 8, 10, 14.0);
+            let shift = Translation2::new(x, y);
+            world
+                .poses
+                .iter_mut()
+                .for_each(|pose| *pose = shift * *pose);
+            world
+                .landmarks
+                .iter_mut()
+                .for_each(|point| *point = shift * *point);
+            let known = &world.known_poses([0.005, 0.005, 0.02])[..1];
+            let problem = problem.with_pose_priors(known).unwrap();
+            let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+            let best = refine(&problem, &world.truth(), &RefineOptions::default(), None).unwrap();
+            let which = format!("{seed} {x}: {} {}", found.cost, best.cost);
+            assert!(
+                found.cost < best.cost + 1e-4 * best.cost.max(1.0),
+                "{which}"
+            );
+            // As large as where nothing is known of the scale: the other views are at a distance of one.
+            let [first, others @ ..] = &found.map.poses[..] else {
+                unreachable!()
+            };
+            let first = first.unwrap().translation.vector;
+            let squares = others
+                .iter()
+                .flatten()
+                .map(|pose| (pose.translation.vector - first).norm_squared());
+            let mean = squares.clone().sum::<f64>() / squares.count() as f64;
+            assert!((mean - 1.0).abs() < 1e-6, "{which}: {mean}");
+        }
+    }
+}
+
+/// Of how many rooms with these priors the map is wrong, and of how many it is determined.
+fn wrong_rooms(sigmas: [f64; 3]) -> (usize, usize) {
+    let right = (0..60).filter_map(|seed| {
+        let (world, problem) = room(seed, 10, 10, 9.0);
+        let known = world.known_poses(sigmas);
+        is_right(&world, &problem.with_pose_priors(&known).unwrap())
+    });
+    right.fold((0, 0), |(wrong, all), right| {
+        (wrong + usize::from(!right), all + 1)
+    })
+}
+
+/// A view that shares little with the others does not draw them into one place.
+#[test]
+fn a_compass_places_views_of_limited_sight() {
+    assert_eq!(wrong_rooms([UNKNOWN, UNKNOWN, 0.02]), (0, 42));
+}
+
+/// On a rail or in a lane one coordinate of every position is known. Where no view sees three placed landmarks, the
+/// map may still be missed.
+#[test]
+fn one_coordinate_of_each_position_is_used() {
+    let (wrong, all) = wrong_rooms([UNKNOWN, 0.02, UNKNOWN]);
+    assert_eq!(all, 42);
+    assert!(wrong <= 6, "{wrong}");
+}
+
+/// Where the map from bearings alone is the best, odometry still places the views that it lacks.
+#[test]
+fn odometry_places_what_bearings_do_not() {
+    for seed in 0..8 {
+        let mut world = World::new(seed);
+        world.drive(Point2::new(0.0, 0.0), 14);
+        world.scatter(Point2::new(0.0, 0.0), 9);
+        // The last two see two landmarks each.
+        let problem = world.problem(|view, landmark| view < 12 || landmark / 2 == view - 12);
+        let odometry = world.odometry(14);
+        // Odometry of the others is worse than it says by far, so that their map comes from bearings.
+        let spoiled: Vec<Odometry> = odometry
+            .into_iter()
+            .map(|mut motion| {
+                if motion.end < 12 {
+                    motion.delta *= pose(0.0, 0.0, 1.0);
+                    motion.noise = Noise::Sigmas([1e3, 1e3, 1e3]);
+                }
+                motion
+            })
+            .collect();
+        let problem = problem.with_odometry(&spoiled).unwrap();
+        world.reaches_the_truth(&problem, false);
+    }
+}
+
+/// A landmark of known position is where it is known to be, however seldom it is seen.
+#[test]
+fn a_known_landmark_is_determined() {
+    let mut world = World::new(3);
+    world.drive(Point2::new(0.0, 0.0), 6);
+    world.scatter(Point2::new(0.0, 0.0), 8);
+    let problem = world.problem(|view, landmark| landmark > 1 || (landmark == 0 && view == 0));
+    let known = world.known_landmarks(&[0, 1, 2, 3]);
+    let problem = problem.with_landmark_priors(&known).unwrap();
+    let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+    assert!(found.undetermined.is_empty(), "{:?}", found.undetermined);
+    for landmark in 0..2 {
+        let error = found.map.landmarks[landmark].unwrap() - world.landmarks[landmark];
+        assert!(error.norm() < 0.05, "{error}");
     }
 }
 

@@ -1,27 +1,17 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Two maps in one frame: the similarity between them by shared landmarks and by sightings across.
 //!
-//! A similarity `M p + t` with `M = [c -d; d c]` is linear in `(c, d, t)`. A landmark `p` of both maps, at `q` in the
-//! first, gives two equations, `M p + t = q`. A view of the first map at `q` that sees a landmark `p` of the second alone
-//! along the unit vector `u` gives one, `n . (M p + t - q) = 0` with `n` perpendicular to `u`. A sighting the other way,
+//! A landmark of both maps gives two linear equations of the similarity: it moves to where it is in the first map. A view
+//! of the first map that sees a landmark of the second alone gives one: it moves onto the ray. A sighting the other way,
 //! of a landmark of the first map from a view of the second, is linear in the inverse; so both directions are tried.
 
 use super::gates::{noise, range_variance};
 use super::options::IncrementalOptions;
-use crate::adjustment::decompose::singular_values;
+use crate::adjustment::linear_similarity::{LinearSimilarity, UNKNOWNS};
 use crate::geometry::{align, transform_pose};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
-use nalgebra::{
-    Complex, DMatrix, DVector, Point2, Similarity2, Translation2, UnitComplex, Vector2,
-};
-
-/// Unknowns of a similarity.
-const UNKNOWNS: usize = 4;
-
-/// Ratio of the singular values below which the equations leave a direction free. Not an option: it is far above
-/// rounding, and what noise leaves free fails the test of the joined map.
-const RANK: f64 = 1e-6;
+use nalgebra::{Point2, Similarity2, Vector2};
 
 /// The first map extended by what only the second has, once for each way to move that into its frame, the most reliable
 /// first; empty when neither landmarks nor sightings tie the two.
@@ -119,45 +109,21 @@ struct Across {
 /// their rays; `None` when there are too few equations, when they leave a direction free, or when a landmark comes to be
 /// behind the view that sees it.
 fn similarity(shared: &[[Point2<f64>; 2]], across: &[Across]) -> Option<Similarity2<f64>> {
-    let count = 2 * shared.len() + across.len();
-    if across.is_empty() || count < UNKNOWNS {
-        return None;
-    }
-    let mut rows = Vec::with_capacity(count);
+    let mut equations = LinearSimilarity::default();
     for [to, from] in shared {
-        rows.push(([from.x, -from.y, 1.0, 0.0], to.x));
-        rows.push(([from.y, from.x, 0.0, 1.0], to.y));
+        equations.add_point(from, to);
     }
-    for Across {
-        landmark,
-        view,
-        ray,
-    } in across
-    {
-        let normal = Vector2::new(-ray.y, ray.x);
-        let turned = Vector2::new(-landmark.y, landmark.x);
-        let (along, over) = (normal.dot(&landmark.coords), normal.dot(&turned));
-        rows.push(([along, over, normal.x, normal.y], normal.dot(&view.coords)));
+    for one in across {
+        let normal = Vector2::new(-one.ray.y, one.ray.x);
+        equations.add_line(&one.landmark, &normal, &one.view);
     }
-    let matrix = DMatrix::from_fn(count, UNKNOWNS, |row, column| rows[row].0[column]);
-    let right = DVector::from_iterator(count, rows.iter().map(|row| row.1));
-    let found = singular_values(&matrix)?;
-    if found.values[UNKNOWNS - 1] < RANK * found.values[0] {
+    if across.is_empty() || equations.count() < UNKNOWNS {
         return None;
     }
-    let projected = found.left.tr_mul(&right);
-    let divided = projected.component_div(&DVector::from_vec(found.values));
-    let solution = found.right * divided;
-    let turn = Complex::new(solution[0], solution[1]);
-    let scale = turn.norm();
-    if !(scale > 0.0 && scale.is_finite()) {
+    let (similarity, rank) = equations.solve()?;
+    if rank < UNKNOWNS {
         return None;
     }
-    let similarity = Similarity2::from_parts(
-        Translation2::new(solution[2], solution[3]),
-        UnitComplex::new_unchecked(turn / scale),
-        scale,
-    );
     let is_ahead = |one: &Across| {
         let offset = similarity.transform_point(&one.landmark) - one.view;
         offset.dot(&one.ray) > 0.0

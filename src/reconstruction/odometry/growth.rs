@@ -8,11 +8,11 @@
 //! [`Placement`]: by least squares, or robustly where bearings may be wrong.
 
 use super::super::attempt::attempt;
-use super::super::global::positions;
 use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
+use super::compass::map_from_headings;
 use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto, united};
 use super::known::Known;
 use crate::error::Error;
@@ -150,7 +150,7 @@ impl<P: Placement> Growth<'_, '_, P> {
             *heading = heading.filter(|_| views.contains(&view));
         }
         if headings.iter().flatten().nth(1).is_some()
-            && let Some(map) = positions::solve(self.problem, &headings, &self.stages.positions)
+            && let Some(map) = map_from_headings(self.problem, headings, &self.stages.positions)
         {
             let piece = Piece { map, framed: false };
             if !self.bring_in(world, &piece)? {

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! What priors know of single views and landmarks, and views located by that and by the landmarks of a map.
 //!
-//! A view has three unknowns, and each of these fixes them: a known pose; a known position and one landmark; a known
-//! heading and two landmarks; three landmarks.
+//! A view has three unknowns, and each of these fixes them: a known pose; a motion from or to a placed view; a known
+//! position and one landmark; a known heading and two landmarks, or one and a known coordinate; three landmarks, or two
+//! and a known coordinate.
 
 use super::super::grow::resect_view;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
@@ -24,6 +25,8 @@ const STEPS: usize = 10;
 pub struct Known {
     /// Positions of views of which both coordinates are known.
     pub positions: Vec<Option<Vector2<f64>>>,
+    /// Of views of which one coordinate is known: its axis and its value.
+    coordinates: Vec<Option<(usize, f64)>>,
     /// Headings of views.
     pub headings: Vec<Option<UnitComplex<f64>>>,
     /// Positions of landmarks.
@@ -36,6 +39,7 @@ impl Known {
     pub fn of(problem: &Problem) -> Self {
         let mut known = Self {
             positions: vec![None; problem.views()],
+            coordinates: vec![None; problem.views()],
             headings: vec![None; problem.views()],
             landmarks: vec![None; problem.landmarks()],
             terms: (0..problem.views()).map(|_| Vec::new()).collect(),
@@ -46,8 +50,12 @@ impl Known {
                     landmark, position, ..
                 } => known.landmarks[*landmark] = Some(*position),
                 Prior::Pose { view, pose, root } => {
-                    if root[0][0] > 0.0 && root[1][1] > 0.0 {
-                        known.positions[*view] = Some(pose.translation.vector);
+                    let place = pose.translation.vector;
+                    match [0, 1].map(|axis| root[axis][axis] > 0.0) {
+                        [true, true] => known.positions[*view] = Some(place),
+                        [true, false] => known.coordinates[*view] = Some((0, place.x)),
+                        [false, true] => known.coordinates[*view] = Some((1, place.y)),
+                        [false, false] => {}
                     }
                     if root[2][2] > 0.0 {
                         known.headings[*view] = Some(pose.rotation);
@@ -74,8 +82,8 @@ impl Known {
     /// The pose of a view in the map frame from what is known of it and of its landmarks; `None` when that does not fix
     /// it.
     ///
-    /// Of the poses that the smallest sets fix, the one that explains most, then the minimum next to it. In a map that
-    /// is not `framed`, not in the frame of the priors, landmarks alone count.
+    /// Of the poses that the smallest sets fix, the one that explains most, then the minimum next to it. In a map that is
+    /// not `framed`, not in the frame of the priors, landmarks alone count.
     pub fn locate(
         &self,
         problem: &Problem,
@@ -101,6 +109,19 @@ impl Known {
             }
             (None, Some(heading)) => candidates.extend(backward(heading, &seen)),
             (None, None) => {}
+        }
+        if let Some(coordinate) = self.coordinates[view] {
+            match self.headings[view] {
+                Some(heading) => candidates.extend(
+                    seen.iter()
+                        .filter_map(|(point, s)| on_line(coordinate, heading, point, s)),
+                ),
+                None => candidates.extend(on_circles(coordinate, &seen)),
+            }
+        }
+        for motion in motions.of(view) {
+            let other = map.poses[motion.end];
+            candidates.extend(other.map(|other| other * motion.delta.inverse()));
         }
         let terms = &self.terms[view];
         let cost = |pose: &Pose<f64>| -> f64 {
@@ -150,6 +171,52 @@ fn backward(heading: UnitComplex<f64>, seen: &[(Point2<f64>, &IndexedSighting)])
             let range = (first - second).perp(&v) / sine;
             if sine.abs() > f64::EPSILON && range.is_finite() {
                 found.push(at(first.coords - u * range, heading));
+            }
+        }
+    }
+    found
+}
+
+/// A view of a heading that has a coordinate, on the ray backward from a landmark.
+fn on_line(
+    (axis, value): (usize, f64),
+    heading: UnitComplex<f64>,
+    point: &Point2<f64>,
+    s: &IndexedSighting,
+) -> Option<Pose<f64>> {
+    let ray = (heading * s.bearing).into_inner();
+    let ray = Vector2::new(ray.re, ray.im);
+    let range = (point[axis] - value) / ray[axis];
+    range
+        .is_finite()
+        .then(|| at(point.coords - ray * range, heading))
+}
+
+/// Views that have a coordinate and see two landmarks under their angle: where the line meets the two circles of the
+/// points that do so modulo pi.
+fn on_circles(
+    (axis, value): (usize, f64),
+    seen: &[(Point2<f64>, &IndexedSighting)],
+) -> Vec<Pose<f64>> {
+    let mut found = Vec::new();
+    for (k, (first, one)) in seen.iter().take(PAIRED).enumerate() {
+        for (second, two) in seen.iter().take(k) {
+            let between = (one.bearing.inverse() * two.bearing).into_inner();
+            let half = (second - first) * 0.5;
+            let off = Vector2::new(-half.y, half.x) * (between.re / between.im);
+            for off in [off, -off] {
+                let center = first + half + off;
+                let across = value - center[axis];
+                let square = (half + off).norm_squared() - across * across;
+                if !(square >= 0.0) {
+                    continue;
+                }
+                for along in [square.sqrt(), -square.sqrt()] {
+                    let mut place = center.coords;
+                    place[axis] = value;
+                    place[1 - axis] += along;
+                    found.extend(turned_to(place, first, one));
+                }
             }
         }
     }

@@ -9,7 +9,6 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::far_views::without_far_views;
-use super::super::incremental::complete::place_all;
 use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
 use super::super::judge::{
     SAME_COST, choose, is_plausible_consensus, is_plausible_posterior, is_too_costly, prices,
@@ -17,11 +16,13 @@ use super::super::judge::{
 };
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
+use super::super::robust::motions::Motions;
 use super::super::robust::solve::{check_sigmas, solve_robust};
 use super::super::search::landmark_moves::moved_landmarks;
 use super::super::search::options::LandmarkMoveOptions;
 use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
+use super::complete::complete;
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
@@ -51,10 +52,12 @@ pub fn solve_posterior(
         problem,
         options,
         many,
+        known: Known::of(problem),
+        motions: Motions::new(problem),
         progress,
         found: Vec::new(),
     };
-    let seeds = maps_from_positions(problem, &Known::of(problem), &stages.headings);
+    let seeds = maps_from_positions(problem, &attempts.known, &stages.headings);
     let mut starts = Vec::new();
     if options.robust {
         starts = robust_start::robust_starts(problem, &seeds, options, attempts.progress)?;
@@ -144,6 +147,8 @@ struct Attempts<'a, 'p> {
     options: &'a SolveOptions,
     /// Whether there are so many views that a plausible map is enough.
     many: bool,
+    known: Known,
+    motions: Motions,
     progress: &'a mut Option<Progress<'p>>,
     found: Vec<Reconstruction>,
 }
@@ -187,7 +192,8 @@ impl Attempts<'_, '_> {
         let stages = &self.options.stages;
         for _ in 0..stages.posterior.completions {
             let mut map = found.map.clone();
-            place_all(self.problem, &stages.incremental, &mut map);
+            let (known, motions) = (&self.known, &self.motions);
+            complete(self.problem, &stages.incremental, known, motions, &mut map);
             if map.determined().count() == found.map.determined().count() {
                 break;
             }
@@ -237,9 +243,7 @@ impl Attempts<'_, '_> {
         let mut order: Vec<usize> = (0..found.len()).collect();
         order.sort_by(|&a, &b| prices[a].total_cmp(&prices[b]));
         for k in order.into_iter().take(stages.posterior.finished) {
-            if prices[k] <= least * stages.judge.rival_ratio
-                && found[k].termination == Termination::MaxIterations
-            {
+            if prices[k] <= least * stages.judge.rival_ratio {
                 found[k] = converged(self.problem, found[k].clone(), self.options, self.progress)?;
             }
         }
