@@ -9,6 +9,7 @@ mod least_squares;
 pub(crate) mod merge;
 pub(crate) mod options;
 mod place;
+pub(crate) mod regrow;
 mod seeds;
 
 use super::incremental::complete::finish;

@@ -3,6 +3,7 @@
 
 use super::attempt::{attempt, recoverable};
 use super::incremental::complete::place_all;
+use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
 use super::judge::{choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
@@ -18,7 +19,7 @@ use alloc::vec;
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
 /// Where it fits worse than the stated standard deviations allow, or leaves something out that has sightings enough, the
-/// search goes on: with landmarks of it in other places, grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
+/// search goes on: with landmarks of it in other places, with parts of it grown again, grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
 /// bearings were wrong, in this order until one fits.
 ///
 /// # Errors
@@ -52,6 +53,17 @@ fn persist(
     }
     let best = with_more_moves(problem, options, best, progress)?;
     let is_lacking = |found: &Reconstruction| is_lacking(found, judge.plausible_deviations);
+    if !is_lacking(&best) {
+        return Ok(best);
+    }
+    let mut best = best;
+    if few {
+        let components = core::mem::take(&mut best.components);
+        let is_cheap =
+            |found: &Reconstruction| !is_too_costly(problem, found, judge.plausible_deviations);
+        best = regrow(problem, best, is_cheap, options, progress)?;
+        best.attach(components);
+    }
     if !is_lacking(&best) {
         return Ok(best);
     }

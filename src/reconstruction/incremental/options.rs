@@ -71,6 +71,11 @@ pub struct IncrementalOptions {
     /// Shared landmarks needed to merge two maps by these alone: two determine a similarity. Not sensitive.
     pub joining_landmarks: usize,
 
+    /// Where the best map is too costly, parts that are grown again in a row without success before the next search.
+    pub regrowths: usize,
+    /// Maximum number of views of such a part.
+    pub regrown_views: usize,
+
     /// Maximum number of views of a map of which landmarks are tried in other positions.
     pub moved_views: usize,
 }
@@ -102,6 +107,8 @@ impl Default for IncrementalOptions {
             fitting_ratio: 4.0,
             joining_deviations: 5.0,
             joining_landmarks: 2,
+            regrowths: 30,
+            regrown_views: 16,
             moved_views: 100,
         }
     }

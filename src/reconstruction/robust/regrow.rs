@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Parts of a map that are removed and grown again, a search in large neighbourhoods.
-//!
-//! Where sight is limited a map may be right in one place and wrong in another, and no change of a single view or
-//! landmark helps, because those next to it are wrong as well.
+//! Parts of a map among outliers that are removed and grown again, as by least squares.
 
 use super::super::attempt::attempt;
 use super::super::incremental::growth::IncrementalGrowth;
+use super::super::incremental::regrow::without_part;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::stages::StageOptions;
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, with_cauchy};
@@ -14,7 +12,6 @@ use super::reassign::{place_each, reestimate_each};
 use crate::error::Error;
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
-use alloc::vec;
 use alloc::vec::Vec;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -43,7 +40,7 @@ pub fn regrow(
         }
         failed += 1;
         left -= 1;
-        let part = without_part(problem, &best, regrowth.part, random);
+        let part = without_random_part(problem, &best, regrowth.part, random);
         let estimator = ConsensusPlaces::new(problem, &soft, random.random());
         let Some(mut growth) = IncrementalGrowth::new(problem, &soft, estimator, allowed, part)?
         else {
@@ -93,9 +90,13 @@ fn rough(
     Ok(map)
 }
 
-/// A map without up to `most` of its views, those that see most of what one of them sees, and without the landmarks that
-/// mostly these see. That one is drawn with the probability of its share of the outliers.
-fn without_part(problem: &Problem, found: &Consensus, most: usize, random: &mut ChaCha8Rng) -> Map {
+/// A map without up to `most` of its views around one that is drawn with the probability of its share of the outliers.
+fn without_random_part(
+    problem: &Problem,
+    found: &Consensus,
+    most: usize,
+    random: &mut ChaCha8Rng,
+) -> Map {
     let sightings = problem.sightings();
     let outliers = sightings.iter().zip(&found.inliers);
     let outliers: Vec<usize> = outliers
@@ -107,31 +108,7 @@ fn without_part(problem: &Problem, found: &Consensus, most: usize, random: &mut 
     } else {
         outliers[random.random_range(0..outliers.len())]
     };
-    let mut seen = vec![false; problem.landmarks()];
-    for s in problem.of_view(center) {
-        seen[s.landmark] = true;
-    }
-    let mut map = found.map.clone();
-    let mut near: Vec<usize> = (0..problem.views())
-        .filter(|&view| map.poses[view].is_some())
-        .collect();
-    near.sort_by_cached_key(|&view| {
-        let shared = problem.of_view(view).iter().filter(|s| seen[s.landmark]);
-        (view != center, core::cmp::Reverse(shared.count()))
-    });
-    // Three views are left to grow from.
-    let most = near.len().saturating_sub(3).min(most).max(1);
-    for &view in near.iter().take(random.random_range(1..=most)) {
-        map.poses[view] = None;
-    }
-    for landmark in 0..problem.landmarks() {
-        let of = problem.of_landmark(landmark);
-        let left = of
-            .iter()
-            .filter(|&&k| map.poses[sightings[k].view].is_some());
-        if 2 * left.count() <= of.len() {
-            map.landmarks[landmark] = None;
-        }
-    }
-    map
+    let left = found.map.poses.iter().flatten().count().saturating_sub(3);
+    let views = random.random_range(1..=left.min(most).max(1));
+    without_part(problem, &found.map, center, views)
 }

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Parts of a map that are removed and grown again, a search in large neighbourhoods.
+//!
+//! Where sight is limited a map may be right in one place and wrong in another, and no change of a single view or
+//! landmark helps, because those next to it are wrong as well.
+
+use super::super::judge::prices;
+use super::super::options::{Progress, SolveOptions, report_progress};
+use super::super::result::Reconstruction;
+use super::complete::finish;
+use super::growth::IncrementalGrowth;
+use super::least_squares::LeastSquaresPlaces;
+use crate::error::Error;
+use crate::problem::{Map, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Removes parts of a map that fit badly and grows them again by least squares, until it is `enough` or so many tries in
+/// a row have not lowered the cost.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+pub fn regrow(
+    problem: &Problem,
+    mut best: Reconstruction,
+    enough: impl Fn(&Reconstruction) -> bool,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let stage = &options.stages.incremental;
+    let mut random = ChaCha8Rng::seed_from_u64(options.seed);
+    let allowed = vec![true; problem.views()];
+    let mut failed = 0;
+    while failed < stage.regrowths && !enough(&best) {
+        if !report_progress(progress, "regrow", failed, stage.regrowths) {
+            return Err(Error::Interrupted);
+        }
+        failed += 1;
+        let Some(center) = drawn_by_misfit(problem, &best.map, &mut random) else {
+            break;
+        };
+        let views = random.random_range(1..=stage.regrown_views.max(1));
+        let part = without_part(problem, &best.map, center, views);
+        let places = LeastSquaresPlaces::new(problem, stage, &options.refine);
+        let Some(mut growth) = IncrementalGrowth::new(problem, options, places, &allowed, part)?
+        else {
+            continue;
+        };
+        growth.grow(usize::MAX, progress)?;
+        let Some(found) = finish(problem, options, growth.map, &allowed, progress)? else {
+            continue;
+        };
+        let both = [best, found];
+        let prices = prices(problem, &both, &options.stages.judge);
+        let [before, after] = both;
+        best = if prices[1] < prices[0] * (1.0 - 1e-6) {
+            failed = 0;
+            after
+        } else {
+            before
+        };
+    }
+    Ok(best)
+}
+
+/// A view, drawn with the probability of its share of the cost.
+fn drawn_by_misfit(problem: &Problem, map: &Map, random: &mut ChaCha8Rng) -> Option<usize> {
+    let sightings = problem.sightings().iter();
+    let squares = sightings.zip(map.residuals(problem)).map(|(s, residual)| {
+        let residual = residual.unwrap_or(0.0) * s.weight;
+        (s.view, residual * residual)
+    });
+    let squares: Vec<(usize, f64)> = squares.collect();
+    let sum: f64 = squares.iter().map(|(_, square)| square).sum();
+    let mut left = random.random::<f64>() * sum;
+    let drawn = squares.iter().find(|(_, square)| {
+        left -= square;
+        left <= 0.0
+    });
+    drawn.or(squares.last()).map(|(view, _)| *view)
+}
+
+/// A map without so many of its views, those that see most of what the center sees, and without the landmarks that mostly
+/// these see. Three views are left to grow from.
+pub fn without_part(problem: &Problem, map: &Map, center: usize, views: usize) -> Map {
+    let sightings = problem.sightings();
+    let mut seen = vec![false; problem.landmarks()];
+    for s in problem.of_view(center) {
+        seen[s.landmark] = true;
+    }
+    let mut map = map.clone();
+    let mut near: Vec<usize> = (0..problem.views())
+        .filter(|&view| map.poses[view].is_some())
+        .collect();
+    near.sort_by_cached_key(|&view| {
+        let shared = problem.of_view(view).iter().filter(|s| seen[s.landmark]);
+        (view != center, core::cmp::Reverse(shared.count()))
+    });
+    let most = near.len().saturating_sub(3).min(views).max(1);
+    for &view in near.iter().take(most) {
+        map.poses[view] = None;
+    }
+    for landmark in 0..problem.landmarks() {
+        let of = problem.of_landmark(landmark);
+        let left = of
+            .iter()
+            .filter(|&&k| map.poses[sightings[k].view].is_some());
+        if 2 * left.count() <= of.len() {
+            map.landmarks[landmark] = None;
+        }
+    }
+    map
+}
