@@ -4,6 +4,7 @@
 pub(crate) mod complete;
 pub(crate) mod gates;
 pub(crate) mod growth;
+pub(crate) mod heading_sweep;
 pub(crate) mod join;
 mod least_squares;
 pub(crate) mod merge;

@@ -173,6 +173,21 @@ pub fn is_too_costly(problem: &Problem, found: &Reconstruction, bound: f64) -> b
         && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
 }
 
+/// Whether so many further degrees of freedom may raise the sum of the squares by this much, up to so many standard
+/// deviations: by the variance of the rest, and at least by that which the stated standard deviations predict.
+pub fn is_excess_plausible(
+    problem: &Problem,
+    excess: f64,
+    added: usize,
+    variance: f64,
+    deviations: f64,
+) -> bool {
+    let added = added as f64;
+    let allowed = added + deviations * (2.0 * added).sqrt() + deviations * deviations;
+    let floor = if is_stated(problem) { 1.0 } else { 0.0 };
+    excess <= allowed * (variance.max(floor) + rounding(mean_weight(problem)))
+}
+
 /// Whether a map leaves out what has sightings enough, for itself or in another component.
 pub fn is_incomplete(found: &Reconstruction) -> bool {
     let hopeless =

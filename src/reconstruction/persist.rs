@@ -3,6 +3,7 @@
 
 use super::attempt::{attempt, recoverable};
 use super::incremental::complete::place_all;
+use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
 use super::judge::{choose, is_incomplete, is_too_costly};
@@ -62,6 +63,9 @@ fn persist(
         let is_cheap =
             |found: &Reconstruction| !is_too_costly(problem, found, judge.plausible_deviations);
         best = regrow(problem, best, is_cheap, options, progress)?;
+        if components.is_empty() && is_incomplete(&best) {
+            best = place_by_headings(problem, best, options, progress)?;
+        }
         best.attach(components);
     }
     if !is_lacking(&best) {

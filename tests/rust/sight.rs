@@ -244,6 +244,35 @@ fn what_ties_two_maps_must_agree() {
 }
 
 #[test]
+fn views_that_see_two_landmarks_are_placed_together() {
+    // Views 8 and 9 see two landmarks of the map each, and three that only one view of the map sees.
+    let across = [
+        (8, 0..2),
+        (9, 2..4),
+        (8, 8..11),
+        (9, 8..11),
+        (0, 8..9),
+        (1, 9..10),
+        (2, 10..11),
+    ];
+    for seed in 0..5 {
+        let scene = simulate(Layout::Mixed, 10, 11, 0.0, seed, Arena::default()).unwrap();
+        let mut seen = sightings(&scene, 0..8, 0..8);
+        for (view, landmarks) in across.clone() {
+            seen.extend(sightings(&scene, view..view + 1, landmarks));
+        }
+        let problem = Problem::new(10, 11, &seen).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        assert!(
+            found.undetermined.is_empty(),
+            "{seed} {:?}",
+            found.undetermined
+        );
+        assert!(distance(&found, &scene) < 1e-6, "{seed}");
+    }
+}
+
+#[test]
 fn what_cannot_be_determined_is_named() {
     let scene = simulate(Layout::Mixed, 12, 22, 0.0, 5, Arena::default()).unwrap();
     // Landmark 19 is seen once, 20 by a view that is itself undetermined, 21 never; view 10 sees two

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Choice of the best of several maps, and merging of maps that share landmarks.
 
-use super::super::judge::{is_as_good, variance};
+use super::super::judge::{is_as_good, is_excess_plausible, variance};
 use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::complete::finish;
@@ -105,9 +105,8 @@ fn belong_together(
     let apart = 2.0 * (first.cost + second.cost);
     let rounding = rounding(problem);
     let noise = apart / own.max(1) as f64;
-    let added = joined.freedom.saturating_sub(own) as f64;
-    let bound = options.joining_deviations;
-    let allowed = added + bound * (2.0 * added).sqrt() + bound * bound;
+    let added = joined.freedom.saturating_sub(own);
+    let excess = 2.0 * joined.cost - apart;
     is_as_good(variance(joined), noise, options.fitting_ratio, rounding)
-        && 2.0 * joined.cost - apart <= allowed * (noise + rounding)
+        && is_excess_plausible(problem, excess, added, noise, options.joining_deviations)
 }

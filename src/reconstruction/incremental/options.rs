@@ -76,6 +76,9 @@ pub struct IncrementalOptions {
     /// Maximum number of views of such a part.
     pub regrown_views: usize,
 
+    /// Headings that are tried of a view that sees two landmarks of the map.
+    pub headings: usize,
+
     /// Maximum number of views of a map of which landmarks are tried in other positions.
     pub moved_views: usize,
 }
@@ -109,6 +112,7 @@ impl Default for IncrementalOptions {
             joining_landmarks: 2,
             regrowths: 30,
             regrown_views: 16,
+            headings: 90,
             moved_views: 100,
         }
     }

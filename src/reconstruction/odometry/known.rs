@@ -6,6 +6,7 @@
 //! and a known coordinate.
 
 use super::super::grow::resect_view;
+use super::super::incremental::heading_sweep::backward;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
 use crate::geometry::Pose;
 use crate::lm::Loss;
@@ -107,7 +108,7 @@ impl Known {
                         .filter_map(|(point, s)| turned_to(position, point, s)),
                 );
             }
-            (None, Some(heading)) => candidates.extend(backward(heading, &seen)),
+            (None, Some(heading)) => candidates.extend(by_pairs(problem, heading, &seen)),
             (None, None) => {}
         }
         if let Some(coordinate) = self.coordinates[view] {
@@ -157,21 +158,16 @@ fn turned_to(
     })
 }
 
-/// Views of a heading where two of their rays, followed backward from the landmarks, cross.
-fn backward(heading: UnitComplex<f64>, seen: &[(Point2<f64>, &IndexedSighting)]) -> Vec<Pose<f64>> {
-    let ray = |s: &IndexedSighting| {
-        let ray = (heading * s.bearing).into_inner();
-        Vector2::new(ray.re, ray.im)
-    };
+/// Views of a heading that see two of their landmarks where they are.
+fn by_pairs(
+    problem: &Problem,
+    heading: UnitComplex<f64>,
+    seen: &[(Point2<f64>, &IndexedSighting)],
+) -> Vec<Pose<f64>> {
     let mut found = Vec::new();
-    for (k, (first, one)) in seen.iter().take(PAIRED).enumerate() {
-        for (second, two) in seen.iter().take(k) {
-            let (u, v) = (ray(one), ray(two));
-            let sine = u.perp(&v);
-            let range = (first - second).perp(&v) / sine;
-            if sine.abs() > f64::EPSILON && range.is_finite() {
-                found.push(at(first.coords - u * range, heading));
-            }
+    for (k, first) in seen.iter().take(PAIRED).enumerate() {
+        for second in seen.iter().take(k) {
+            found.extend(backward(heading, first, second, problem.is_oriented()));
         }
     }
     found

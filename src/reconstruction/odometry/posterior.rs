@@ -9,10 +9,11 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::far_views::without_far_views;
+use super::super::incremental::heading_sweep::place_by_headings;
 use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
 use super::super::judge::{
-    SAME_COST, choose, is_plausible_consensus, is_plausible_posterior, is_too_costly, prices,
-    refuse_minority, size, variance,
+    SAME_COST, choose, is_incomplete, is_plausible_consensus, is_plausible_posterior,
+    is_too_costly, prices, refuse_minority, size, variance,
 };
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
@@ -254,6 +255,9 @@ impl Attempts<'_, '_> {
         let rivals = core::mem::take(&mut best.alternatives);
         if !self.many {
             best = self.with_landmarks_moved(best)?;
+            if is_incomplete(&best) {
+                best = place_by_headings(self.problem, best, self.options, self.progress)?;
+            }
         }
         let mut found = Vec::from([self.without_landmarks_behind(best)?]);
         for rival in rivals {

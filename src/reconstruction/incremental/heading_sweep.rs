@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Views that see too few landmarks of a map to be placed alone, by a sweep over the heading of one of them.
+//!
+//! Two landmarks place a view of which the heading is known. The landmarks that it sees beyond these, with the rays of
+//! other views, place further views in turn, and where one sighting is left over, it tells the heading.
+
+use super::super::judge::{is_excess_plausible, variance};
+use super::super::options::{Progress, SolveOptions, report_progress};
+use super::super::result::Reconstruction;
+use super::complete::{finish, place_all};
+use crate::error::Error;
+use crate::geometry::Pose;
+use crate::problem::{IndexedSighting, MIN_LANDMARKS_OF_VIEW, Map, Problem};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
+
+/// A map with the views that a sweep over headings places, as long as redundant sightings confirm them.
+///
+/// # Errors
+/// [`Error::Interrupted`] and [`Error::OutOfMemory`].
+pub fn place_by_headings(
+    problem: &Problem,
+    mut best: Reconstruction,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Reconstruction, Error> {
+    let allowed = vec![true; problem.views()];
+    loop {
+        let mut candidates: Vec<(usize, f64, Map)> = Vec::new();
+        for view in 0..problem.views() {
+            if !report_progress(progress, "place", view, problem.views()) {
+                return Err(Error::Interrupted);
+            }
+            let two = best.map.connections_of_view(problem, view) + 1 == MIN_LANDMARKS_OF_VIEW;
+            if best.map.poses[view].is_none() && two {
+                candidates.extend(swept(problem, &best.map, view, options));
+            }
+        }
+        // What explains most, then what explains it best.
+        candidates.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+        candidates.truncate(options.stages.incremental.max_finished);
+        let deviations = options.stages.incremental.joining_deviations;
+        let noise = variance(&best);
+        let mut next: Option<Reconstruction> = None;
+        for (_, _, map) in candidates {
+            let Some(found) = finish(problem, options, map, &allowed, progress)? else {
+                continue;
+            };
+            let added = found.freedom.saturating_sub(best.freedom);
+            let excess = 2.0 * (found.cost - best.cost);
+            let fits = is_excess_plausible(problem, excess, added, noise, deviations);
+            let is_better = |next: &Reconstruction| {
+                found.freedom > next.freedom
+                    || (found.freedom == next.freedom && found.cost < next.cost)
+            };
+            if added > 0 && fits && next.as_ref().is_none_or(is_better) {
+                next = Some(found);
+            }
+        }
+        let Some(found) = next else {
+            return Ok(best);
+        };
+        best = found;
+    }
+}
+
+/// The local minima over the heading of a view of a map with all that it then reaches: how many sightings that explains,
+/// and the sum of their squares.
+fn swept(
+    problem: &Problem,
+    map: &Map,
+    view: usize,
+    options: &SolveOptions,
+) -> Vec<(usize, f64, Map)> {
+    let stage = &options.stages.incremental;
+    let seen: Vec<_> = map.seen(problem, view).collect();
+    let [first, second] = &seen[..] else {
+        return Vec::new();
+    };
+    let count = stage.headings;
+    let tried: Vec<Option<(usize, f64, Map)>> = (0..count)
+        .map(|k| {
+            let heading = UnitComplex::new(TAU * k as f64 / count as f64);
+            let pose = backward(heading, first, second, problem.is_oriented())?;
+            let mut map = map.clone();
+            map.poses[view] = Some(pose);
+            place_all(problem, stage, &mut map);
+            let squares = problem.sightings().iter().zip(map.residuals(problem));
+            let squares = squares.filter_map(|(s, residual)| Some((residual? * s.weight).powi(2)));
+            let (explained, sum) =
+                squares.fold((0, 0.0), |(count, sum), square| (count + 1, sum + square));
+            Some((explained, sum, map))
+        })
+        .collect();
+    let key = |k: usize| {
+        let one = tried[k % count].as_ref();
+        one.map_or((0, f64::INFINITY), |(explained, sum, _)| (*explained, *sum))
+    };
+    let is_below = |a: (usize, f64), b: (usize, f64)| a.0 > b.0 || (a.0 == b.0 && a.1 <= b.1);
+    let is_lowest = |k: &usize| {
+        tried[*k].is_some()
+            && is_below(key(*k), key(k + 1))
+            && is_below(key(*k), key(k + count - 1))
+    };
+    let lowest: Vec<usize> = (0..count).filter(is_lowest).collect();
+    let mut tried = tried;
+    lowest.into_iter().filter_map(|k| tried[k].take()).collect()
+}
+
+/// The view of a heading where two of its rays, followed backward from their landmarks, cross; `None` where the
+/// landmarks would be behind it.
+pub fn backward(
+    heading: UnitComplex<f64>,
+    (first, one): &(Point2<f64>, &IndexedSighting),
+    (second, two): &(Point2<f64>, &IndexedSighting),
+    is_oriented: bool,
+) -> Option<Pose<f64>> {
+    let ray = |s: &IndexedSighting| {
+        let ray = (heading * s.bearing).into_inner();
+        Vector2::new(ray.re, ray.im)
+    };
+    let (u, v) = (ray(one), ray(two));
+    let sine = u.perp(&v);
+    let range = (first - second).perp(&v) / sine;
+    let place = first.coords - u * range;
+    let is_ahead = range > 0.0 && (second.coords - place).dot(&v) > 0.0;
+    let is_place = sine.abs() > f64::EPSILON && range.is_finite();
+    (is_place && (is_ahead || !is_oriented))
+        .then(|| Pose::from_parts(Translation2::from(place), heading))
+}
