@@ -209,7 +209,7 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
     tiny = result.cost < 1e-6 or result.rms < 1e-13
     if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or tiny:
         return
-    gain = minimum.gain(request, result, given)
+    gain = minimum.gain(request, result, given, LEAST)
     # Where standard deviations are tiny, rounding costs more than that.
     bearings, priors = (
         measure.cost_of_bearings(request, given, rounding),
@@ -222,10 +222,12 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
 def _reach(result: Any, without: Sequence[int] = ()) -> float:
     """Distance of the farthest view or landmark from the middle of the map over the median distance, its size."""
     places = np.concatenate([result.poses[:, :2], result.landmarks])
-    distance = np.hypot(*(places - np.nanmedian(places, axis=0)).T)
-    size = np.nanmedian(distance)
-    distance[len(result.poses) + np.asarray(without, dtype=int)] = 0.0
-    return float(np.nanmax(distance) / size)
+    counted = np.ones(len(places), dtype=bool)
+    counted[len(result.poses) + np.asarray(without, dtype=int)] = False
+    known = ~np.isnan(places[:, 0])
+    places, counted = places[known], counted[known]
+    distance = np.hypot(*(places - np.median(places, axis=0)).T)
+    return float(distance[counted].max(initial=0.0) / np.median(distance))
 
 
 def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[Fault]:
