@@ -209,6 +209,11 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
     tiny = result.cost < 1e-6 or result.rms < 1e-13
     if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or tiny:
         return
+    # Where most landmarks slide away, they are the size of the map, and the views are in one place.
+    given_places = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
+    sliding = ~np.isin(request.landmark[known], given_places)
+    if distance[sliding].max(initial=0.0) > NEAR * measure.extent(result.poses) > 0:
+        return
     gain = minimum.gain(request, result, given, LEAST)
     # Where standard deviations are tiny, rounding costs more than that.
     bearings, priors = (

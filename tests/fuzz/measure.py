@@ -205,8 +205,10 @@ def gauge(request: Request, poses: Any, landmarks: Any) -> tuple[int | None, int
     if not rows:
         return 4, numbers
     changes = np.concatenate(rows)
-    # Relative to the terms that cancel: those of the same root on a step of the size of the map.
-    scale = np.concatenate([np.abs(root).sum(axis=1) for root in _roots(request, poses, landmarks)])
+    # Relative to the terms that cancel: those of the same root on a step of the size of the map, by which headings turn
+    # by one over that size.
+    unit = np.array([1, 1, 1 / size])
+    scale = np.concatenate([np.abs(root) @ unit[: root.shape[1]] for root in _roots(request, poses, landmarks)])
     with np.errstate(all="ignore"):
         relative = changes / np.where(scale > 0, scale, 1.0)[:, None]
         relative = relative[np.isfinite(relative).all(axis=1)]
