@@ -10,6 +10,7 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::stages::StageOptions;
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, with_cauchy};
 use super::consensus_places::ConsensusPlaces;
+use super::options::RegrowthOptions;
 use super::reassign::{place_each, reestimate_each};
 use crate::error::Error;
 use crate::lm::RefineOptions;
@@ -34,8 +35,7 @@ pub fn regrow(
 ) -> Result<Consensus, Error> {
     let soft = with_cauchy(options);
     let StageOptions { regrowth, .. } = &options.stages;
-    let views = problem.views().max(1);
-    let tries = regrowth.work / views.saturating_mul(views);
+    let tries = tries(problem.views(), regrowth);
     let (mut failed, mut left) = (0, tries.saturating_mul(regrowth.successes));
     while failed < tries && left > 0 {
         if !report_progress(progress, "regrow", failed, tries) {
@@ -66,6 +66,19 @@ pub fn regrow(
         }
     }
     Ok(best)
+}
+
+/// Tries in a row without success that are the last: a small map has few parts, and many views take long.
+fn tries(views: usize, options: &RegrowthOptions) -> usize {
+    let views = views.max(1);
+    let parts = views.saturating_mul(most_removed(views, options.part));
+    let affordable = options.work / views.saturating_mul(views);
+    affordable.min(parts.saturating_mul(options.tries_per_part))
+}
+
+/// Most views that are removed of so many: three are left to grow from.
+fn most_removed(views: usize, part: usize) -> usize {
+    views.saturating_sub(3).min(part).max(1)
 }
 
 /// A map near its fixed point, which shows whether it is worth more.
@@ -119,8 +132,7 @@ fn without_part(problem: &Problem, found: &Consensus, most: usize, random: &mut 
         let shared = problem.of_view(view).iter().filter(|s| seen[s.landmark]);
         (view != center, core::cmp::Reverse(shared.count()))
     });
-    // Three views are left to grow from.
-    let most = near.len().saturating_sub(3).min(most).max(1);
+    let most = most_removed(near.len(), most);
     for &view in near.iter().take(random.random_range(1..=most)) {
         map.poses[view] = None;
     }
@@ -134,4 +146,23 @@ fn without_part(problem: &Problem, found: &Consensus, most: usize, random: &mut 
         }
     }
     map
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_map_is_tried_no_more_often_than_its_parts_are_worth() {
+        let options = RegrowthOptions::default();
+        let none = RegrowthOptions { work: 0, ..options };
+        // Of three views each may be removed, of six up to three around each.
+        assert_eq!([3, 6].map(|views| tries(views, &options)), [9, 54]);
+        // From 13 views on the work decides.
+        assert_eq!(
+            [13, 20, 245].map(|views| tries(views, &options)),
+            [355, 150, 0]
+        );
+        assert_eq!([0, 3, 20].map(|views| tries(views, &none)), [0; 3]);
+    }
 }
