@@ -65,14 +65,8 @@ pub fn lowest(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let mut maps = components(problem, options, progress)?;
-    for map in &mut maps {
-        drop_landmarks_at_infinity(problem, map, &options.stages.infinity);
-    }
-    for map in maps.iter_mut().skip(1) {
-        assess(problem, map);
-    }
-    if let Some(found) = with_components(problem, maps) {
+    let maps = components(problem, options, progress)?;
+    if let Some(found) = assembled(problem, options, maps) {
         return Ok(found);
     }
     match options.strategy {
@@ -83,6 +77,21 @@ pub fn lowest(
         Strategy::Search => plain::lowest(problem, options, progress),
         Strategy::Incremental | Strategy::Global => Err(no_map(problem, options)),
     }
+}
+
+/// Refined maps of different views as one result: without landmarks at infinity, the components assessed.
+pub fn assembled(
+    problem: &Problem,
+    options: &SolveOptions,
+    mut maps: Vec<Reconstruction>,
+) -> Option<Reconstruction> {
+    for map in &mut maps {
+        drop_landmarks_at_infinity(problem, map, &options.stages.infinity);
+    }
+    for map in maps.iter_mut().skip(1) {
+        assess(problem, map);
+    }
+    with_components(problem, maps)
 }
 
 /// The refined maps of all components, the largest first; empty for the other strategies, or when no three
