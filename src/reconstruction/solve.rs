@@ -142,7 +142,9 @@ pub fn solve(
         refuse_collapsed(&best, &options.stages.judge)?;
         judged(problem, best)
     } else if options.robust {
-        solve_robust(problem, options, &mut progress)
+        let best = solve_robust(problem, options, &mut progress)?;
+        refuse_collapsed(&best, &options.stages.judge)?;
+        Ok(best)
     } else {
         persist::solve(problem, options, &mut progress)
     }
