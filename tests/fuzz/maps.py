@@ -68,7 +68,7 @@ def _of_one(
     inliers = result.inliers[request.view, request.landmark] if table else result.inliers
     if table and np.isfinite(result.residuals).sum() != np.isfinite(given).sum():
         yield "residuals", "a residual where nothing was seen"
-    at_infinity = _at_infinity(result)
+    at_infinity = _at_infinity(request, result, given, components)
     residual, rounding = measure.residuals(request, result.poses, result.landmarks)
     far = np.isin(request.landmark, at_infinity) & np.isfinite(result.poses[request.view, 0])
     residual[far], rounding[far] = given[far], 1e-9
@@ -128,10 +128,16 @@ def _apart(result: Any) -> Iterator[Fault]:
             yield "components", f"component {k - 1} shares views with another map"
 
 
-def _at_infinity(result: Any) -> Any:
-    return np.array(
-        [one.index for one in result.undetermined if one.kind == "landmark" and INFINITE in one.reason], dtype=int
-    )
+def _at_infinity(request: Request, result: Any, given: Any, components: Any) -> Any:
+    """Landmarks whose range is undetermined: listed, or not because a component knows it."""
+    listed = [one.index for one in result.undetermined if one.kind == "landmark" and INFINITE in one.reason]
+    used = np.unique(request.landmark[np.isfinite(given)])
+    elsewhere = [
+        k
+        for k in used[np.isnan(result.landmarks[used, 0])].tolist()
+        if any(np.isfinite(other.landmarks[k, 0]) for other in components or [])
+    ]
+    return np.array(sorted({*listed, *elsewhere}), dtype=int)
 
 
 def _residuals(request: Request, given: Any, residual: Any, rounding: Any) -> Iterator[Fault]:

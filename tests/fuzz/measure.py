@@ -212,11 +212,13 @@ def gauge(request: Request, poses: Any, landmarks: Any) -> tuple[int | None, int
     with np.errstate(all="ignore"):
         relative = changes / np.where(scale > 0, scale, 1.0)[:, None]
         relative = relative[np.isfinite(relative).all(axis=1)]
-        values = np.linalg.svd(relative, compute_uv=False) if len(relative) else np.zeros(0)
+        norms = np.linalg.norm(relative, axis=1)
+        # What changes less than rounding does not change.
+        dependent = relative[norms > 1e-13]
+        values = np.linalg.svd(dependent, compute_uv=False) if len(dependent) else np.zeros(0)
     if len(values) == 0 or values[0] == 0:
         return 4, numbers
     clear = (values > 1e-4 * values[0]) | (values < 1e-13 * values[0])
-    norms = np.linalg.norm(relative, axis=1)
     clear_rows = (norms > 1e-6) | (norms < 1e-13)
     if not (clear.all() and clear_rows.all()):
         return None, numbers
