@@ -11,12 +11,12 @@ import numpy as np
 from . import known, options, scenes, wild
 from .dice import Dice
 
-GENERATOR = 2
+GENERATOR = 3
 """Raised whenever a seed no longer means the same input."""
 
 VERBS = {
-    "solve": 30,
-    "refine": 16,
+    "solve": 26,
+    "refine": 18,
     "diagnose": 8,
     "initialize": 7,
     "resect": 7,

@@ -67,7 +67,7 @@ SIZES = {
     "few": (7, (3, 6), (4, 9)),
     "tiny": (1, (1, 5), (1, 6)),
     "four": (0.6, (3, 8), (4, 4)),
-    "some": (0.5, (5, 14), (4, 20)),
+    "some": (0.35, (5, 14), (4, 20)),
     "many": (0.02, (15, 80), (8, 40)),
 }
 """How often scenes have so many views and landmarks. With many, a call takes a hundred times longer than with few."""
