@@ -37,7 +37,10 @@ class Request:
         """From the arguments of a call that was not refused, with or without odometry and priors."""
         table = np.asarray(arguments["bearings"], dtype=float)
         view, landmark = np.nonzero(~np.isnan(table))
-        sigma = np.broadcast_to(np.asarray(arguments.get("sigma", 1.0), dtype=float), table.shape)
+        sigma = np.asarray(arguments.get("sigma", 1.0), dtype=float)
+        # A list of sightings may have one for each of them.
+        listed = arguments.get("form", "dense") != "dense" and sigma.shape == view.shape
+        sigma = sigma if listed else np.broadcast_to(sigma, table.shape)[view, landmark]
         loss = arguments.get("loss", "squared")
         refinement = arguments.get("refinement") or {}
         width = refinement.get("loss_scale")
@@ -46,7 +49,7 @@ class Request:
             view,
             landmark,
             table[view, landmark],
-            sigma[view, landmark],
+            sigma,
             arguments.get("oriented", True),
             loss,
             WIDTHS.get(loss, np.inf) if width is None else width,
