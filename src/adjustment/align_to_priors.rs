@@ -164,10 +164,12 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
 /// Minimises the cost over translation, rotation and scale by Gauss-Newton; returns twice the cost and the bundle
 /// at the minimum.
 ///
-/// A scale that odometry and priors do not fix stays: a step along it would move the one place that they know.
-fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+/// A heading and a scale that odometry and priors do not fix stay: a step along them would move the one place that is
+/// known.
+pub fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
-    let scaled = f64::from(u8::from(FixedByPriors::of(problem).fixes_scale()));
+    let fixed = FixedByPriors::of(problem);
+    let [turned, scaled] = [fixed.heading, fixed.scale].map(|fixed| f64::from(u8::from(fixed)));
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
         let middle = centroid(&kept_positions::<3>(&bundle));
@@ -178,16 +180,16 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
             for k in 0..3 {
                 let mut change = Vector4::zeros();
                 for (subject, jacobian) in [Some(row.first), row.second].into_iter().flatten() {
-                    let (position, heading) = match subject {
+                    let (position, is_view) = match subject {
                         Subject::View(view) => (bundle.poses[view].translation.vector, 1.0),
                         Subject::Landmark(landmark) => (bundle.landmarks[landmark].coords, 0.0),
                     };
                     let q = position - middle;
-                    let [x, y, turned] = jacobian[k];
+                    let [x, y, heading] = jacobian[k];
                     change += Vector4::new(
                         x,
                         y,
-                        y * q.x - x * q.y + turned * heading,
+                        turned * (y * q.x - x * q.y + heading * is_view),
                         scaled * (x * q.x + y * q.y),
                     );
                 }

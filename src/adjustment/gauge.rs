@@ -188,8 +188,8 @@ pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
 pub struct FixedByPriors {
     /// Subjects whose position is known, at most two: two known positions fix everything.
     points: Vec<Subject>,
-    heading: bool,
-    scale: bool,
+    pub heading: bool,
+    pub scale: bool,
 }
 
 impl FixedByPriors {
@@ -215,11 +215,6 @@ impl FixedByPriors {
         fixed.scale |= fixed.points.len() > 1;
         fixed.heading |= fixed.points.len() > 1;
         fixed
-    }
-
-    /// Whether the scale is fixed.
-    pub fn fixes_scale(&self) -> bool {
-        self.scale
     }
 
     /// Whether heading and scale are fixed, and no position is.

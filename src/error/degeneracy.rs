@@ -38,7 +38,7 @@ pub enum Degeneracy {
     CollinearLandmarks,
     /// Exact bearings leave a direction of the map free besides the gauge.
     FreeMap,
-    /// The best map puts most views into one place and explains nothing.
+    /// The best map puts most views into one place and explains nothing, or most landmarks onto views.
     CollapsedMap,
     /// Odometry and priors leave part of the gauge free, although covariances in their frame were requested.
     FreeFrame,
@@ -150,7 +150,7 @@ impl Degeneracy {
             ),
             Self::CollapsedMap => (
                 "collapsed_map",
-                "median distance of the views from their middle, as a share of the largest,",
+                "median distance of the views from their middle, or of the landmarks from a view, as a share of the largest,",
                 "try another method, and check bearings and identities: the map that was found explains none",
             ),
             Self::FreeFrame => (

@@ -12,25 +12,54 @@ use nalgebra::Vector2;
 /// Views below which a map in few places is no collapse: of three, one is the middle.
 const FEW_VIEWS: usize = 4;
 
-/// Rejects a map that explains nothing and has most views in one place: the least squares of a few bearings that are
-/// exact there, whatever the others.
+/// Rejects a map that explains nothing and has most views in one place, or that has most landmarks on views: the least
+/// squares of a few bearings that are exact there, whatever the others.
 ///
 /// # Errors
 /// [`Error::Degenerate`].
 pub fn refuse_collapsed(found: &Reconstruction, options: &JudgeOptions) -> Result<(), Error> {
     let views = found.map.view_positions().count();
-    if views < FEW_VIEWS || found.rms <= options.explaining_rms {
-        return Ok(());
+    let explains = views < FEW_VIEWS || found.rms <= options.explaining_rms;
+    let of_views = (!explains).then(|| share(&found.map));
+    // On its view a landmark has any bearing, so that the residuals say nothing.
+    for value in [of_views, ranges(&found.map)].into_iter().flatten() {
+        if value < options.collapsed {
+            return Err(Error::Degenerate {
+                kind: Degeneracy::CollapsedMap,
+                value,
+                bound: options.collapsed,
+            });
+        }
     }
-    let share = share(&found.map);
-    if share >= options.collapsed {
-        return Ok(());
-    }
-    Err(Error::Degenerate {
-        kind: Degeneracy::CollapsedMap,
-        value: share,
-        bound: options.collapsed,
-    })
+    Ok(())
+}
+
+/// Leaves out alternatives that have collapsed, and where the best has not, those with all views in one place.
+pub fn drop_collapsed_alternatives(best: &mut Reconstruction, options: &JudgeOptions) {
+    let in_one_place = |map: &Map| {
+        let mut views = map.view_positions();
+        let first = views.next();
+        views.all(|view| Some(view) == first)
+    };
+    let stands = in_one_place(&best.map);
+    best.alternatives.retain(|rival| {
+        refuse_collapsed(rival, options).is_ok() && (stands || !in_one_place(&rival.map))
+    });
+}
+
+/// The median range of the landmarks from the nearest view, as a share of the extent of the map; `None` for a single
+/// landmark, which may end on a view where that makes its residual zero.
+fn ranges(map: &Map) -> Option<f64> {
+    let landmarks: Vec<Vector2<f64>> = map.landmarks.iter().flatten().map(|p| p.coords).collect();
+    let views: Vec<Vector2<f64>> = map.view_positions().collect();
+    let first = views.first().filter(|_| landmarks.len() > 1)?;
+    let places = views.iter().chain(&landmarks);
+    let extent = places.fold(0.0, |extent: f64, place| extent.max((place - first).norm()));
+    let nearest = landmarks.iter().map(|landmark| {
+        let ranges = views.iter().map(|view| (view - landmark).norm());
+        ranges.fold(f64::INFINITY, f64::min)
+    });
+    Some(median(nearest.collect()) / extent)
 }
 
 /// The median distance of the views from their middle, as a share of the largest.
@@ -40,4 +69,38 @@ pub fn share(map: &Map) -> f64 {
     let distances = views.iter().map(|place| (place - middle).norm());
     let farthest = distances.clone().fold(0.0, f64::max);
     median(distances.collect()) / farthest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use nalgebra::Point2;
+
+    #[test]
+    fn most_landmarks_on_views_are_no_map() {
+        let of = |landmarks: &[(f64, f64)]| {
+            let map = Map {
+                poses: [(0.0, 0.0), (1.0, 0.0), (0.0, 2.0)]
+                    .map(|(x, y)| Some(pose(x, y, 0.3)))
+                    .to_vec(),
+                landmarks: landmarks
+                    .iter()
+                    .map(|&(x, y)| Some(Point2::new(x, y)))
+                    .collect(),
+            };
+            ranges(&map)
+        };
+        let (first, second) = ((1e-9, 0.0), (1.0, -1e-9));
+        let (near, far) = ((0.0, 1e-6), (3.0, 1.0));
+        for (landmarks, on) in [
+            (&[first, second][..], true),
+            (&[first, second, far], true),
+            (&[first, second, far, near], false),
+            (&[first, near, near], false),
+        ] {
+            assert_eq!(of(landmarks).unwrap() < 1e-8, on, "{landmarks:?}");
+        }
+        assert_eq!([of(&[first]), of(&[])], [None; 2]);
+    }
 }

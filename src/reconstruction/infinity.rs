@@ -130,14 +130,19 @@ fn beyond_horizon(problem: &Problem, map: &Map, options: &InfinityOptions) -> Ve
     beyond.map(|(landmark, _)| landmark).collect()
 }
 
-/// The views farther away than any could be, apart from those that priors know.
+/// The views farther away than any could be, apart from those whose position priors know.
 pub fn views_beyond_horizon(problem: &Problem, map: &Map, options: &InfinityOptions) -> Vec<usize> {
     let Some(horizon) = Horizon::of(map, options) else {
         return Vec::new();
     };
     let is_known = |view: usize| {
         let mut priors = problem.priors().iter();
-        priors.any(|prior| matches!(prior, Prior::Pose { view: known, .. } if *known == view))
+        priors.any(|prior| match prior {
+            Prior::Pose { view: of, root, .. } => {
+                *of == view && root[0][0] > 0.0 && root[1][1] > 0.0
+            }
+            _ => false,
+        })
     };
     let views = map.poses.iter().enumerate();
     let beyond = views.filter(|(view, pose)| {
@@ -236,12 +241,19 @@ mod tests {
         let options = InfinityOptions::default();
         assert_eq!(views_beyond_horizon(&problem, &map, &options), [0]);
         assert_eq!(beyond_horizon(&problem, &map, &options), [2]);
-        let known = PosePrior {
-            view: 0,
-            pose: pose(3e7, 0.0, 0.3),
-            noise: Noise::Sigmas([1.0; 3]),
-        };
-        let problem = problem.with_pose_priors(&[known]).unwrap();
-        assert!(views_beyond_horizon(&problem, &map, &options).is_empty());
+        let unknown = f64::INFINITY;
+        for (sigmas, beyond) in [
+            ([1.0; 3], &[][..]),
+            ([unknown, unknown, 1.0], &[0]),
+            ([1.0, unknown, 1.0], &[0]),
+        ] {
+            let known = PosePrior {
+                view: 0,
+                pose: pose(3e7, 0.0, 0.3),
+                noise: Noise::Sigmas(sigmas),
+            };
+            let problem = problem.clone().with_pose_priors(&[known]).unwrap();
+            assert_eq!(views_beyond_horizon(&problem, &map, &options), beyond);
+        }
     }
 }

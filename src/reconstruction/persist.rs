@@ -11,11 +11,12 @@ use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
 use super::search::plain::moved;
-use super::strategy::{effective, finished, lowest};
+use super::strategy::{assembled, effective, finished, lowest};
 use crate::error::Error;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem};
 use alloc::vec;
+use alloc::vec::Vec;
 
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
@@ -78,14 +79,10 @@ fn persist(
             continue;
         };
         if further.refine.loss != options.refine.loss {
-            let components = core::mem::take(&mut map.components);
-            let far = options.stages.incremental.far_sizes;
-            let start = with_landmarks_at_infinity(problem, &map, far);
-            let Some(refined) = refined(problem, start, options)? else {
+            let Some(refined) = with_loss(problem, map, options)? else {
                 continue;
             };
             map = refined;
-            map.attach(components);
         }
         let enough = !is_lacking(&map);
         found.push(map);
@@ -126,6 +123,25 @@ fn refined(
 ) -> Result<Option<Reconstruction>, Error> {
     let report = attempt(problem, &mut map, &options.refine, None)?;
     Ok(report.map(|report| Reconstruction::new(problem, &map, report)))
+}
+
+/// A map and its components, grown with another loss, refined with that of the options; `None` when one cannot be.
+fn with_loss(
+    problem: &Problem,
+    mut grown: Reconstruction,
+    options: &SolveOptions,
+) -> Result<Option<Reconstruction>, Error> {
+    let far = options.stages.incremental.far_sizes;
+    let components = core::mem::take(&mut grown.components);
+    let mut maps = Vec::new();
+    for map in core::iter::once(grown).chain(components) {
+        let start = with_landmarks_at_infinity(problem, &map, far);
+        let Some(refined) = refined(problem, start, options)? else {
+            return Ok(None);
+        };
+        maps.push(refined);
+    }
+    Ok(assembled(problem, options, maps))
 }
 
 /// Searches that find other minima than the one by the options.

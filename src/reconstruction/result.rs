@@ -59,8 +59,8 @@ pub struct Reconstruction {
     pub components: Vec<Self>,
 }
 
-/// Relative difference between the cost of a refinement and that of the map it reports above which rounding decides.
-const ROUNDED: f64 = 1e-6;
+/// Relative difference between the cost of a refinement and that of the map it reports above which the frame has rounded.
+const ROUNDED: f64 = 1e-9;
 
 impl Reconstruction {
     /// Normalises a map and computes its residuals.
@@ -84,7 +84,7 @@ impl Reconstruction {
         }
         // A map that has shrunk until its coordinates round has the cost of the coordinates that are reported.
         let cost = cost(problem, &map, report.loss);
-        let rounded = (cost - report.cost).abs() > ROUNDED * (1.0 + report.cost);
+        let rounded = (cost - report.cost).abs() > ROUNDED * report.cost;
         Self {
             cost: if rounded { cost } else { report.cost },
             rms: (squares / count.max(1.0)).sqrt(),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The public functions: `initialize` for a first map, `refine` for a given start, `solve` for the best map.
 
-use super::collapsed::refuse_collapsed;
+use super::collapsed::{drop_collapsed_alternatives, refuse_collapsed};
 use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::judge::{assess, choose, judged};
 use super::odometry::posterior::solve_posterior;
@@ -137,13 +137,18 @@ pub fn solve(
 ) -> Result<Reconstruction, Error> {
     options.refine.check()?;
     let mut progress = progress;
-    if !problem.priors().is_empty() {
+    let judge = &options.stages.judge;
+    let mut best = if !problem.priors().is_empty() {
         let best = solve_posterior(problem, options, &mut progress)?;
-        refuse_collapsed(&best, &options.stages.judge)?;
-        judged(problem, best)
+        refuse_collapsed(&best, judge)?;
+        judged(problem, best)?
     } else if options.robust {
-        solve_robust(problem, options, &mut progress)
+        let best = solve_robust(problem, options, &mut progress)?;
+        refuse_collapsed(&best, judge)?;
+        best
     } else {
-        persist::solve(problem, options, &mut progress)
-    }
+        persist::solve(problem, options, &mut progress)?
+    };
+    drop_collapsed_alternatives(&mut best, judge);
+    Ok(best)
 }

@@ -69,18 +69,13 @@ pub fn lowest(
     let mut maps = Vec::new();
     for map in components(problem, options, progress)? {
         let few = views(&map) <= options.stages.incremental.moved_views;
-        let mut map = if few {
+        maps.push(if few {
             plain::moved(problem, map, options, progress)?
         } else {
             map
-        };
-        drop_landmarks_at_infinity(problem, &mut map, &options.stages.infinity);
-        maps.push(map);
+        });
     }
-    for map in maps.iter_mut().skip(1) {
-        assess(problem, map);
-    }
-    if let Some(found) = with_components(problem, maps) {
+    if let Some(found) = assembled(problem, options, maps) {
         return Ok(found);
     }
     match options.strategy {
@@ -91,6 +86,21 @@ pub fn lowest(
         Strategy::Search => plain::lowest(problem, options, progress),
         Strategy::Incremental | Strategy::Global => Err(no_map(problem, options)),
     }
+}
+
+/// Refined maps of different views as one result: without landmarks at infinity, the components assessed.
+pub fn assembled(
+    problem: &Problem,
+    options: &SolveOptions,
+    mut maps: Vec<Reconstruction>,
+) -> Option<Reconstruction> {
+    for map in &mut maps {
+        drop_landmarks_at_infinity(problem, map, &options.stages.infinity);
+    }
+    for map in maps.iter_mut().skip(1) {
+        assess(problem, map);
+    }
+    with_components(problem, maps)
 }
 
 /// The refined maps of all components, the largest first; empty for the other strategies, or when no three

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The command line: run, replay a seed, run what failed again, and print the table."""
+"""The command line: run, replay a seed or a kept input, run what failed again, and print the table."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from . import inputs, runner, show, shrink
+from . import inputs, kept, runner, show, shrink
 from .ledger import Ledger
 
 
@@ -25,7 +25,8 @@ def main() -> int:
     for one in (run, again, summary):
         one.add_argument("--ledger", type=Path, default=Path("fuzz.jsonl"), help="file (default: %(default)s)")
     replay = commands.add_parser("replay", help="print an input as Python code, and what goes wrong")
-    replay.add_argument("seed", type=int)
+    replay.add_argument("input", help="seed, or FILE of a kept input")
+    replay.add_argument("--keep", type=Path, metavar="FILE", help="write the input that is printed; .json")
     replay.add_argument("--shrink", action="store_true", help="look for a smaller input that fails in the same way")
     options = parser.parse_args()
     match options.command:
@@ -42,25 +43,27 @@ def main() -> int:
         case "summary":
             print(Ledger(options.ledger).summary())
             return 0
-    return _replay(options.seed, smaller=options.shrink)
+    return _replay(options.input, smaller=options.shrink, keep=options.keep)
 
 
-def _replay(seed: int, *, smaller: bool) -> int:
+def _replay(name: str, *, smaller: bool, keep: Path | None) -> int:
     """Print an input, or a smaller one like it, and its faults."""
-    given = inputs.make(seed)
-    if smaller:
+    given = inputs.make(int(name)) if name.isdecimal() else kept.read(Path(name))
+    if smaller or not name.isdecimal():
         prober = shrink.Prober()
-        given = shrink.shrink(given, prober.kind_of)
-        faults = [(prober.kind_of(given), "still")]
+        given = shrink.shrink(given, prober.kind_of) if smaller else given
+        faults = prober.faults(given)
         prober.close()
     else:
         team = runner.Team()
-        faults = team.run(seed).faults
+        faults = team.run(given.seed).faults
         team.close()
     print(show.code(given))
-    print(f"# wild changes: {given.wild}; layout: {given.truth.layout if given.truth else 'changed'}")
+    print(f"# wild changes: {given.wild}; layout: {given.truth.layout if given.truth else 'unknown'}")
     for kind, text in faults:
         print(f"# {kind}: {text}")
+    if keep:
+        kept.write(given, keep)
     return bool(faults)
 
 

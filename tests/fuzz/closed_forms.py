@@ -43,6 +43,13 @@ def _fix(value: Any, residual: Any, rows: Any, sigma: float, of: Any) -> Iterato
     """Covariance, rms and sigma0 of one fix from its residuals and the rows of its Jacobian."""
     covariance, rms, sigma0 = of
     count, unknowns = rows.shape
+    scale = np.linalg.norm(rows, axis=0)
+    values = np.linalg.svd(rows / scale, compute_uv=False)
+    # Landmarks on one circle with the view, and rays that are parallel, have no covariance, nor have derivatives whose
+    # squares overflow: then there is nothing but the value.
+    least = values[-1] if np.isfinite(((rows / sigma) ** 2).sum() * count) else 0.0
+    if least < 1e-6 and np.isnan([rms, sigma0]).all() and np.isnan(covariance).all():
+        return
     square = float((residual**2).sum())
     if not np.isclose(rms, np.sqrt(square / count), rtol=1e-5, atol=1e-9):
         yield "fix", f"rms {rms!r}, expected {np.sqrt(square / count)!r}"
@@ -52,8 +59,6 @@ def _fix(value: Any, residual: Any, rows: Any, sigma: float, of: Any) -> Iterato
             yield "fix", f"sigma0 {sigma0!r}, expected {expected!r}"
     elif not np.isnan(sigma0):
         yield "fix", f"sigma0 {sigma0!r} without redundancy"
-    scale = np.linalg.norm(rows, axis=0)
-    values = np.linalg.svd(rows / scale, compute_uv=False)
     if not values[-1] > 1e-4 or not np.isfinite(value).all():
         return
     expected = sigma**2 * np.linalg.inv((rows / scale).T @ (rows / scale)) / np.outer(scale, scale)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import bisect
+import itertools
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -27,8 +29,8 @@ class Dice:
 
     def weighted(self, shares: dict[T, float]) -> T:
         """One of the keys, in proportion to its value."""
-        names, weights = list(shares), np.array(list(shares.values()))
-        return names[int(self.numbers.choice(len(names), p=weights / weights.sum()))]
+        ends = list(itertools.accumulate(shares.values()))
+        return list(shares)[bisect.bisect_right(ends, ends[-1] * self.numbers.random(), hi=len(ends) - 1)]
 
     def whole(self, low: int, high: int) -> int:
         """Integer from `low` to `high`, both included."""

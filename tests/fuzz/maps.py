@@ -68,7 +68,7 @@ def _of_one(
     inliers = result.inliers[request.view, request.landmark] if table else result.inliers
     if table and np.isfinite(result.residuals).sum() != np.isfinite(given).sum():
         yield "residuals", "a residual where nothing was seen"
-    at_infinity = _at_infinity(result)
+    at_infinity = _at_infinity(request, result, given, components)
     residual, rounding = measure.residuals(request, result.poses, result.landmarks)
     far = np.isin(request.landmark, at_infinity) & np.isfinite(result.poses[request.view, 0])
     residual[far], rounding[far] = given[far], 1e-9
@@ -128,10 +128,16 @@ def _apart(result: Any) -> Iterator[Fault]:
             yield "components", f"component {k - 1} shares views with another map"
 
 
-def _at_infinity(result: Any) -> Any:
-    return np.array(
-        [one.index for one in result.undetermined if one.kind == "landmark" and INFINITE in one.reason], dtype=int
-    )
+def _at_infinity(request: Request, result: Any, given: Any, components: Any) -> Any:
+    """Landmarks whose range is undetermined: listed, or not because a component knows it."""
+    listed = [one.index for one in result.undetermined if one.kind == "landmark" and INFINITE in one.reason]
+    used = np.unique(request.landmark[np.isfinite(given)])
+    elsewhere = [
+        k
+        for k in used[np.isnan(result.landmarks[used, 0])].tolist()
+        if any(np.isfinite(other.landmarks[k, 0]) for other in components or [])
+    ]
+    return np.array(sorted({*listed, *elsewhere}), dtype=int)
 
 
 def _residuals(request: Request, given: Any, residual: Any, rounding: Any) -> Iterator[Fault]:
@@ -209,7 +215,12 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
     tiny = result.cost < 1e-6 or result.rms < 1e-13
     if _reach(result) > NEAR or distance.min() < np.median(distance) / NEAR or tiny:
         return
-    gain = minimum.gain(request, result, given)
+    # Where most landmarks slide away, they are the size of the map, and the views are in one place.
+    given_places = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
+    sliding = ~np.isin(request.landmark[known], given_places)
+    if distance[sliding].max(initial=0.0) > NEAR * measure.extent(result.poses) > 0:
+        return
+    gain = minimum.gain(request, result, given, LEAST)
     # Where standard deviations are tiny, rounding costs more than that.
     bearings, priors = (
         measure.cost_of_bearings(request, given, rounding),
@@ -222,10 +233,12 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
 def _reach(result: Any, without: Sequence[int] = ()) -> float:
     """Distance of the farthest view or landmark from the middle of the map over the median distance, its size."""
     places = np.concatenate([result.poses[:, :2], result.landmarks])
-    distance = np.hypot(*(places - np.nanmedian(places, axis=0)).T)
-    size = np.nanmedian(distance)
-    distance[len(result.poses) + np.asarray(without, dtype=int)] = 0.0
-    return float(np.nanmax(distance) / size)
+    counted = np.ones(len(places), dtype=bool)
+    counted[len(result.poses) + np.asarray(without, dtype=int)] = False
+    known = ~np.isnan(places[:, 0])
+    places, counted = places[known], counted[known]
+    distance = np.hypot(*(places - np.median(places, axis=0)).T)
+    return float(distance[counted].max(initial=0.0) / np.median(distance))
 
 
 def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[Fault]:

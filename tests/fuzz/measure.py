@@ -37,7 +37,10 @@ class Request:
         """From the arguments of a call that was not refused, with or without odometry and priors."""
         table = np.asarray(arguments["bearings"], dtype=float)
         view, landmark = np.nonzero(~np.isnan(table))
-        sigma = np.broadcast_to(np.asarray(arguments.get("sigma", 1.0), dtype=float), table.shape)
+        sigma = np.asarray(arguments.get("sigma", 1.0), dtype=float)
+        # A list of sightings may have one for each of them.
+        listed = arguments.get("form", "dense") != "dense" and sigma.shape == view.shape
+        sigma = sigma if listed else np.broadcast_to(sigma, table.shape)[view, landmark]
         loss = arguments.get("loss", "squared")
         refinement = arguments.get("refinement") or {}
         width = refinement.get("loss_scale")
@@ -46,7 +49,7 @@ class Request:
             view,
             landmark,
             table[view, landmark],
-            sigma[view, landmark],
+            sigma,
             arguments.get("oriented", True),
             loss,
             WIDTHS.get(loss, np.inf) if width is None else width,
@@ -205,16 +208,20 @@ def gauge(request: Request, poses: Any, landmarks: Any) -> tuple[int | None, int
     if not rows:
         return 4, numbers
     changes = np.concatenate(rows)
-    # Relative to the terms that cancel: those of the same root on a step of the size of the map.
-    scale = np.concatenate([np.abs(root).sum(axis=1) for root in _roots(request, poses, landmarks)])
+    # Relative to the terms that cancel: those of the same root on a step of the size of the map, by which headings turn
+    # by one over that size.
+    unit = np.array([1, 1, 1 / size])
+    scale = np.concatenate([np.abs(root) @ unit[: root.shape[1]] for root in _roots(request, poses, landmarks)])
     with np.errstate(all="ignore"):
         relative = changes / np.where(scale > 0, scale, 1.0)[:, None]
         relative = relative[np.isfinite(relative).all(axis=1)]
-        values = np.linalg.svd(relative, compute_uv=False) if len(relative) else np.zeros(0)
+        norms = np.linalg.norm(relative, axis=1)
+        # What changes less than rounding does not change.
+        dependent = relative[norms > 1e-13]
+        values = np.linalg.svd(dependent, compute_uv=False) if len(dependent) else np.zeros(0)
     if len(values) == 0 or values[0] == 0:
         return 4, numbers
     clear = (values > 1e-4 * values[0]) | (values < 1e-13 * values[0])
-    norms = np.linalg.norm(relative, axis=1)
     clear_rows = (norms > 1e-6) | (norms < 1e-13)
     if not (clear.all() and clear_rows.all()):
         return None, numbers

@@ -13,8 +13,11 @@ SMALLEST = 1e-6
 """Singular values below this share of the largest, of columns of unit length, are left out: rounding decides there."""
 
 
-def gain(request: Request, result: Any, residual: Any) -> float:
-    """Decrease of the cost that a step in the determined directions promises, as a share of the cost."""
+def gain(request: Request, result: Any, residual: Any, least: float) -> float:
+    """Decrease of the cost that a step in the determined directions promises, as a share of the cost.
+
+    A gain below `least` may be an upper bound instead, which takes less time.
+    """
     views, landmarks = result.poses.shape[0], result.landmarks.shape[0]
     rows, values = _of_bearings(request, result, residual)
     for kind, place, value, root in request.priors:
@@ -26,9 +29,15 @@ def gain(request: Request, result: Any, residual: Any) -> float:
     if not (np.isfinite(lengths).all() and np.isfinite(values).all() and lengths.any()):
         return 0.0
     scaled = rows[:, lengths > 0] / lengths[lengths > 0]
+    cost = max(result.cost, 1e-300)
+    # The gradient along a singular vector over its singular value is what the values have along it. With columns of
+    # unit length the largest singular value is at least 1.
+    most = float(((scaled.T @ values) ** 2).sum() / 2 / SMALLEST**2 / cost)
+    if most < least:
+        return most
     left, sizes, _ = np.linalg.svd(scaled, full_matrices=False)
     used = left[:, sizes > SMALLEST * sizes[0]]
-    return float(((used.T @ values) ** 2).sum() / 2 / max(result.cost, 1e-300))
+    return float(((used.T @ values) ** 2).sum() / 2 / cost)
 
 
 def _of_bearings(request: Request, result: Any, residual: Any) -> tuple[Any, Any]:

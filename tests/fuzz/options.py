@@ -36,7 +36,7 @@ def of_map(dice: Dice, verb: str, joint: bool) -> dict[str, Any]:
     method = dice.weighted(METHODS)
     if method != "search":
         chosen["method"] = method
-    if verb == "solve" and dice.chance(0.1):
+    if verb == "solve" and dice.chance(0.07):
         chosen["robust"] = True
     if dice.chance(0.15):
         chosen["search"] = _search(dice)

@@ -21,14 +21,14 @@ from .ledger import Ledger, commit
 from .worker import SECONDS, Outcome
 
 REPOSITORY = Path(__file__).parents[2]
-CHUNK = 200
+CHUNK = 1000
 """Seeds per line of the ledger."""
 PATIENCE = 300.0
 """Longest wait for an answer [s]: only a process that sleeps takes so long."""
 LAST = 2**63
 """A bound of the seeds that is never reached."""
 THREADS = (1, 2, 7)
-COMPARED = 25
+COMPARED = 100
 """One in so many seeds runs on every number of threads; those of a batch or a sweep all do."""
 
 

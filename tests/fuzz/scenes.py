@@ -63,17 +63,19 @@ def draw(dice: Dice) -> Scene:
     return Scene(poses, points, robots, wrap(bearings), noise, layout)
 
 
+SIZES = {
+    "few": (7, (3, 6), (4, 9)),
+    "tiny": (1, (1, 5), (1, 6)),
+    "four": (0.6, (3, 8), (4, 4)),
+    "some": (0.35, (5, 14), (4, 20)),
+    "many": (0.02, (15, 80), (8, 40)),
+}
+"""How often scenes have so many views and landmarks. With many, a call takes a hundred times longer than with few."""
+
+
 def _size(dice: Dice) -> tuple[int, int]:
-    kind = dice.weighted({"few": 5, "some": 4, "tiny": 1, "four": 1, "many": 0.25})
-    if kind == "many":
-        return dice.whole(15, 80), dice.whole(8, 40)
-    if kind == "four":
-        return dice.whole(3, 12), 4
-    if kind == "tiny":
-        return dice.whole(1, 5), dice.whole(1, 6)
-    if kind == "few":
-        return dice.whole(3, 7), dice.whole(4, 10)
-    return dice.whole(3, 14), dice.whole(4, 20)
+    _, views, landmarks = SIZES[dice.weighted({kind: share for kind, (share, _, _) in SIZES.items()})]
+    return dice.whole(*views), dice.whole(*landmarks)
 
 
 def _landmarks(dice: Dice, layout: str, count: int) -> Any:

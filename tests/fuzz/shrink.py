@@ -14,6 +14,7 @@ import numpy as np
 
 from . import worker
 from .inputs import MAPS, Input
+from .maps import Fault
 
 INDEXED = {"odometry": ("start", "end"), "pose_priors": ("view",), "landmark_priors": ("landmark",)}
 SPAWN = multiprocessing.get_context("spawn")
@@ -28,6 +29,11 @@ class Prober:
 
     def kind_of(self, given: Input) -> str | None:
         """How an input goes wrong; None if it does not."""
+        faults = self.faults(given)
+        return faults[0][0] if faults else None
+
+    def faults(self, given: Input) -> list[Fault]:
+        """What is wrong with the answer to an input."""
         if self.process is None:
             self.pipe, there = SPAWN.Pipe()
             self.process = SPAWN.Process(target=_serve, args=(there,), daemon=True)
@@ -35,12 +41,12 @@ class Prober:
             there.close()
         self.pipe.send(given)
         try:
-            faults = self.pipe.recv()
+            faults: list[Fault] = self.pipe.recv()
         except EOFError:
             self.process.join()
             code, self.process = self.process.exitcode, None
-            return "hang" if code == -signal.SIGPROF else "abort"
-        return faults[0][0] if faults else None
+            return [("hang" if code == -signal.SIGPROF else "abort", f"the process ended with {code}")]
+        return faults
 
     def close(self) -> None:
         """End the process."""

@@ -8,6 +8,7 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::stages::StageOptions;
 use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, with_cauchy};
 use super::consensus_places::ConsensusPlaces;
+use super::options::RegrowthOptions;
 use super::reassign::{place_each, reestimate_each};
 use crate::error::Error;
 use crate::lm::RefineOptions;
@@ -31,8 +32,7 @@ pub fn regrow(
 ) -> Result<Consensus, Error> {
     let soft = with_cauchy(options);
     let StageOptions { regrowth, .. } = &options.stages;
-    let views = problem.views().max(1);
-    let tries = regrowth.work / views.saturating_mul(views);
+    let tries = tries(problem.views(), regrowth);
     let (mut failed, mut left) = (0, tries.saturating_mul(regrowth.successes));
     while failed < tries && left > 0 {
         if !report_progress(progress, "regrow", failed, tries) {
@@ -63,6 +63,19 @@ pub fn regrow(
         }
     }
     Ok(best)
+}
+
+/// Tries in a row without success that are the last: a small map has few parts, and many views take long.
+fn tries(views: usize, options: &RegrowthOptions) -> usize {
+    let views = views.max(1);
+    let parts = views.saturating_mul(most_removed(views, options.part));
+    let affordable = options.work / views.saturating_mul(views);
+    affordable.min(parts.saturating_mul(options.tries_per_part))
+}
+
+/// Most views that are removed of so many: three are left to grow from.
+fn most_removed(views: usize, part: usize) -> usize {
+    views.saturating_sub(3).min(part).max(1)
 }
 
 /// A map near its fixed point, which shows whether it is worth more.
@@ -108,7 +121,26 @@ fn without_random_part(
     } else {
         outliers[random.random_range(0..outliers.len())]
     };
-    let left = found.map.poses.iter().flatten().count().saturating_sub(3);
-    let views = random.random_range(1..=left.min(most).max(1));
+    let left = found.map.poses.iter().flatten().count();
+    let views = random.random_range(1..=most_removed(left, most));
     without_part(problem, &found.map, center, views)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_small_map_is_tried_no_more_often_than_its_parts_are_worth() {
+        let options = RegrowthOptions::default();
+        let none = RegrowthOptions { work: 0, ..options };
+        // Of three views each may be removed, of six up to three around each.
+        assert_eq!([3, 6].map(|views| tries(views, &options)), [9, 54]);
+        // From 13 views on the work decides.
+        assert_eq!(
+            [13, 20, 245].map(|views| tries(views, &options)),
+            [355, 150, 0]
+        );
+        assert_eq!([0, 3, 20].map(|views| tries(views, &none)), [0; 3]);
+    }
 }

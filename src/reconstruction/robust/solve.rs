@@ -8,7 +8,9 @@ use super::super::options::{Progress, SearchOptions, SolveOptions, Strategy, rep
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
-use super::consensus::{Consensus, OUTLIER, fixed_point, inliers, to_consensus, with_squares};
+use super::consensus::{
+    Consensus, OUTLIER, cost, fixed_point, inliers, to_consensus, with_squares,
+};
 use super::exchange::exchange;
 use super::expand::expand;
 use super::growth::grow;
@@ -331,7 +333,8 @@ pub fn reconstruction(
     let map: Map = found.map.clone();
     drop_landmarks_at_infinity(&kept, &mut found, options);
     assess(&kept, &mut found);
-    found.cost = best.cost;
+    // Of the map as it is reported: the change of frame may round.
+    found.cost = cost(problem, &map, OUTLIER);
     found.residuals = vec![None; problem.sightings().len()];
     found.inliers = vec![false; problem.sightings().len()];
     let residuals = map.residuals(problem).zip(&best.inliers);
