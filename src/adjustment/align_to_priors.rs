@@ -147,7 +147,7 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
 
 /// Minimises the cost over translation, rotation and scale by Gauss-Newton; returns twice the cost and the bundle
 /// at the minimum.
-pub fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let mut now = cost(problem, &bundle);
     for _ in 0..STEPS {
