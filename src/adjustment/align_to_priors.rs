@@ -166,7 +166,7 @@ fn first_frames(problem: &Problem, bundle: &Bundle) -> Vec<Similarity2<f64>> {
 ///
 /// A heading and a scale that odometry and priors do not fix stay: a step along them would move the one place that is
 /// known.
-pub fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
+fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     turn_round(problem, &mut bundle);
     let fixed = FixedByPriors::of(problem);
     let [turned, scaled] = [fixed.heading, fixed.scale].map(|fixed| f64::from(u8::from(fixed)));

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Levenberg-Marquardt over all poses and landmarks.
 
-use super::align_to_priors::fit_similarity;
 use super::boundary;
 use super::bundle::{Bundle, Rows};
 use super::elimination::{GroupedSightings, gauge, keeps_landmarks};
@@ -106,15 +105,6 @@ pub fn refine_map(
         unit *= grown;
         termination = descend(&mut adjustment)?;
     }
-    for _ in 0..REALIGNMENTS {
-        if adjustment.iterations >= options.max_iterations
-            || !termination.was_successful()
-            || !realign(&mut adjustment)
-        {
-            break;
-        }
-        termination = descend(&mut adjustment)?;
-    }
     let BundleAdjustment {
         mut bundle,
         cost,
@@ -149,34 +139,6 @@ fn drifted(bundle: &Bundle) -> Option<f64> {
     let stays = grown <= DRIFTED && grown * DRIFTED >= 1.0 && first <= DRIFTED * grown;
     (!stays).then_some(grown)
 }
-
-/// Times that a map that odometry and priors want elsewhere is refined again there.
-const REALIGNMENTS: usize = 3;
-
-/// Moves, turns and scales the whole map to where odometry and priors want it; `false` where that lowers the cost by no
-/// more than the tolerance, and nothing has changed.
-///
-/// Bearings do not hold these directions, but they make all that moves along them stiff: beside their information that
-/// of a weak prior is lost in the damping, and the descent ends with a gain that the damping has made small.
-fn realign(adjustment: &mut BundleAdjustment<'_, '_>) -> bool {
-    let problem = adjustment.problem;
-    if problem.priors().is_empty() {
-        return false;
-    }
-    let (before, cost) = (adjustment.bundle.clone(), adjustment.cost);
-    adjustment.bundle = fit_similarity(problem, before.clone()).1;
-    adjustment.relinearize();
-    let gains = cost - adjustment.cost > adjustment.options.tolerance.max(REALIGNED) * cost;
-    if !gains {
-        adjustment.bundle = before;
-        adjustment.relinearize();
-    }
-    gains
-}
-
-/// Fraction of the cost that a map gains at least by being moved as a whole: less is rounding where it is far from the
-/// origin.
-const REALIGNED: f64 = 1e-9;
 
 /// Descends with the solver that suits the problem.
 fn descend(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
