@@ -21,8 +21,8 @@ use alloc::vec::Vec;
 /// The map from bearings alone, without outliers, with uncertainty and tested for free directions.
 ///
 /// Where it fits worse than the stated standard deviations allow, or leaves something out that has sightings enough, the
-/// search goes on: with landmarks of it in other places, with parts of it grown again, grown with a loss that few bearings bend, with the other strategy, with another seed, and as if some
-/// bearings were wrong, in this order until one fits.
+/// search goes on: with changes of this map, then grown with a loss that few bearings bend, with the other strategy, with
+/// another seed, and as if some bearings were wrong, in this order until one fits.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
@@ -53,22 +53,8 @@ fn persist(
     {
         return Ok(best);
     }
-    let best = with_more_moves(problem, options, best, progress)?;
+    let best = mended(problem, options, best, progress)?;
     let is_lacking = |found: &Reconstruction| is_lacking(found, judge.plausible_deviations);
-    if !is_lacking(&best) {
-        return Ok(best);
-    }
-    let mut best = best;
-    if few {
-        let components = core::mem::take(&mut best.components);
-        let is_cheap =
-            |found: &Reconstruction| !is_too_costly(problem, found, judge.plausible_deviations);
-        best = regrow(problem, best, is_cheap, options, progress)?;
-        if components.is_empty() && is_incomplete(&best) {
-            best = place_by_headings(problem, best, options, progress)?;
-        }
-        best.attach(components);
-    }
     if !is_lacking(&best) {
         return Ok(best);
     }
@@ -100,19 +86,29 @@ fn persist(
     choose(problem, found, judge)
 }
 
-/// The best map after more positions of landmarks have been tried than a search tries.
-fn with_more_moves(
+/// The best map after changes: more places of its landmarks than a search tries, where there are few views parts of it
+/// grown again while it is too costly, and what it leaves out placed by a sweep over headings.
+fn mended(
     problem: &Problem,
     options: &SolveOptions,
     mut best: Reconstruction,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
+    let judge = &options.stages.judge;
     let mut thorough = *options;
     thorough.stages.landmark_moves.tried = options.stages.landmark_moves.persistent_tried;
     let components = core::mem::take(&mut best.components);
-    let mut moved = moved(problem, best, &thorough, progress)?;
-    moved.attach(components);
-    Ok(moved)
+    best = moved(problem, best, &thorough, progress)?;
+    if problem.views() <= judge.persistent_views {
+        let enough =
+            |found: &Reconstruction| !is_too_costly(problem, found, judge.plausible_deviations);
+        best = regrow(problem, best, enough, options, progress)?;
+        if components.is_empty() && is_incomplete(&best) {
+            best = place_by_headings(problem, best, options, progress)?;
+        }
+    }
+    best.attach(components);
+    Ok(best)
 }
 
 /// A map refined; `None` when it cannot be.
