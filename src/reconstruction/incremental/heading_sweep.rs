@@ -9,6 +9,8 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::{finish, place_all};
 use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
 use crate::problem::{IndexedSighting, MIN_LANDMARKS_OF_VIEW, Map, Problem};
 use alloc::vec;

@@ -8,6 +8,8 @@
 use super::super::grow::resect_view;
 use super::super::incremental::heading_sweep::backward;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::Pose;
 use crate::lm::Loss;
 use crate::problem::{IndexedSighting, Map, Prior, Problem};
