@@ -9,8 +9,6 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::{finish, place_all};
 use crate::error::Error;
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::geometry::Pose;
 use crate::problem::{IndexedSighting, MIN_LANDMARKS_OF_VIEW, Map, Problem};
 use alloc::vec;
@@ -90,7 +88,10 @@ fn swept(
             map.poses[view] = Some(pose);
             place_all(problem, stage, &mut map);
             let squares = problem.sightings().iter().zip(map.residuals(problem));
-            let squares = squares.filter_map(|(s, residual)| Some((residual? * s.weight).powi(2)));
+            let squares = squares.filter_map(|(s, residual)| {
+                let residual = residual? * s.weight;
+                Some(residual * residual)
+            });
             let (explained, sum) =
                 squares.fold((0, 0.0), |(count, sum), square| (count + 1, sum + square));
             Some((explained, sum, map))
