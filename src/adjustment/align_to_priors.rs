@@ -231,3 +231,58 @@ fn fit_similarity(problem: &Problem, mut bundle: Bundle) -> (f64, Bundle) {
     }
     (now, bundle)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::problem::{Noise, Odometry, PosePrior};
+
+    /// Headings of priors and lengths of motions give the rotation and the scale of an exact map, with bearings modulo pi up
+    /// to half a turn, which is the other guess.
+    #[test]
+    fn first_frames_turn_and_scale_an_exact_map() {
+        let poses = [(0.0, 0.0, 0.2), (2.0, 1.0, 1.1), (3.0, -1.0, -0.8)];
+        let poses = poses.map(|(x, y, theta)| pose(x, y, theta));
+        let free = f64::INFINITY;
+        let compass = |view: usize| PosePrior {
+            view,
+            pose: poses[view],
+            noise: Noise::Sigmas([free, free, 0.1]),
+        };
+        let motion = |start: usize| Odometry {
+            start,
+            end: start + 1,
+            delta: poses[start].inv_mul(&poses[start + 1]),
+            noise: Noise::Sigmas([0.1; 3]),
+        };
+        let problem = Problem::dense(3, 1, &[0.1, 0.2, 0.3], 0.5).unwrap();
+        let problem = problem.with_odometry(&[motion(0), motion(1)]).unwrap();
+        let problem = problem.with_pose_priors(&[compass(0), compass(2)]).unwrap();
+        for (turn, problem) in [0.4, 2.9, -1.7].into_iter().flat_map(|turn| {
+            [
+                (turn, problem.clone()),
+                (turn, problem.clone().unoriented()),
+            ]
+        }) {
+            let by = Similarity2::new(Vector2::new(5.0, -2.0), turn, 0.25);
+            let mut bundle = Bundle {
+                poses: poses.to_vec(),
+                landmarks: Vec::new(),
+            };
+            bundle.transform(&by);
+            // Half a turn changes nothing modulo pi.
+            if !problem.is_oriented() {
+                let rotation = &mut bundle.poses[2].rotation;
+                *rotation = UnitComplex::new_unchecked(-rotation.into_inner());
+            }
+            let frames = first_frames(&problem, &bundle);
+            let errors = frames.iter().map(|frame| {
+                let rotation = frame.isometry.rotation.angle_to(&UnitComplex::new(-turn));
+                rotation.abs() + (frame.scaling() - 4.0).abs()
+            });
+            let least = errors.fold(f64::INFINITY, f64::min);
+            assert!(least < 1e-12, "{turn} {}: {least}", problem.is_oriented());
+        }
+    }
+}

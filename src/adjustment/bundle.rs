@@ -255,6 +255,26 @@ mod tests {
         }
     }
 
+    /// Coming home moves everything by the place of the first view, which no bearing notices.
+    #[test]
+    fn coming_home_brings_the_first_view_to_the_origin() {
+        let problem = Problem::dense(2, 1, &[0.3, -2.0], 0.1).unwrap();
+        let away = Bundle {
+            poses: vec![
+                crate::geometry::pose(40.0, -7.0, 0.3),
+                crate::geometry::pose(42.0, -8.0, 2.5),
+            ],
+            landmarks: vec![Point2::new(41.0, -5.0)],
+        };
+        let mut home = away.clone();
+        home.come_home();
+        assert_eq!(home.poses[0].translation.vector, Vector2::zeros());
+        assert_eq!(home.poses[1].translation.vector, Vector2::new(2.0, -1.0));
+        let costs = [&away, &home]
+            .map(|bundle| bundle.linearize(&problem, Loss::Squared, &mut Rows::of(&problem)));
+        assert!((costs[0] / costs[1] - 1.0).abs() < 1e-12, "{costs:?}");
+    }
+
     /// The derivatives agree with differences of the residuals.
     #[test]
     fn derivatives_are_differences_of_residuals() {

@@ -116,3 +116,92 @@ pub fn kept_positions<const K: usize>(bundle: &Bundle) -> Vec<Vector2<f64>> {
         bundle.poses.iter().map(|p| p.translation.vector).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::bundle::Rows;
+    use super::super::schur::Schur;
+    use super::*;
+    use crate::lm::Loss;
+    use crate::problem::Sighting;
+    use crate::simulate::{Arena, Layout, simulate};
+    use nalgebra::DVector;
+
+    /// A part of the sightings of a simulated scene, and a bundle near the truth.
+    fn setting(
+        (views, landmarks): (usize, usize),
+        sees: impl Fn(usize, usize) -> bool,
+    ) -> (Problem, Bundle) {
+        let arena = Arena::default();
+        let scene = simulate(Layout::Enclosed, views, landmarks, 0.02, 5, arena).unwrap();
+        let all = (0..views * landmarks).map(|k| (k / landmarks, k % landmarks));
+        let seen = all.filter(|&(view, landmark)| sees(view, landmark));
+        let seen: Vec<Sighting> = seen
+            .map(|(view, landmark)| Sighting {
+                view,
+                landmark,
+                bearing: scene.bearings[view * landmarks + landmark],
+                sigma: 0.02,
+            })
+            .collect();
+        let problem = Problem::new(views, landmarks, &seen).unwrap();
+        (problem, Bundle::from_map(&scene.map()))
+    }
+
+    /// Half the least sum of squares of the linear model, from its Jacobian as a whole.
+    fn least(problem: &Problem, rows: &[BearingRow]) -> f64 {
+        let (views, count) = (problem.views(), rows.len());
+        let mut jacobian = DMatrix::zeros(count, 3 * views + 2 * problem.landmarks());
+        for (k, (s, row)) in problem.sightings().iter().zip(rows).enumerate() {
+            for (i, entry) in row.pose().into_iter().enumerate() {
+                jacobian[(k, 3 * s.view + i)] = entry;
+            }
+            for (i, entry) in row.landmark().into_iter().enumerate() {
+                jacobian[(k, 3 * views + 2 * s.landmark + i)] = entry;
+            }
+        }
+        let residuals = DVector::from_iterator(count, rows.iter().map(|row| row.residual));
+        let svd = jacobian.clone().svd(true, true);
+        // The gauge is free: the largest singular value is about 1e3, the least beyond the gauge about 0.1.
+        let step = svd.solve(&-&residuals, 1e-6).unwrap();
+        (residuals + jacobian * step).norm_squared() * 0.5
+    }
+
+    fn check<const E: usize, const K: usize>(problem: &Problem, bundle: &Bundle)
+    where
+        for<'x> GroupedSightings<'x>: Grouped<E, K>,
+    {
+        let mut rows = Rows::of(problem);
+        bundle.linearize(problem, Loss::Squared, &mut rows);
+        let expected = least(problem, &rows.sightings);
+        let rows = &rows.sightings;
+        let grouped = GroupedSightings { problem, rows };
+        let (mut kept, mut gone) = (Vec::new(), Vec::new());
+        let mut schur = Schur::<E, K>::new();
+        // The second time the matrices hold what the first has left in them.
+        for _ in 0..2 {
+            assert!(schur.factorize(&grouped, 0.0, &gauge::<K>(bundle)));
+            let found = schur.solve(&grouped, &mut kept, &mut gone);
+            assert!((found / expected - 1.0).abs() < 1e-8, "{found} {expected}");
+            assert_eq!([kept.len(), gone.len()], [grouped.kept(), grouped.groups()]);
+        }
+    }
+
+    /// The step of the reduced system is that of linear least squares: with all sightings, with gaps that differ from
+    /// group to group in one batch or several, and with sightings so few that groups are eliminated block by block.
+    #[test]
+    fn reduced_systems_solve_linear_least_squares() {
+        let gaps = |view: usize, landmark: usize| (view + 3 * landmark) % 7 > 2;
+        let band = |view: usize, landmark: usize| (view + 60 - landmark) % 60 < 7;
+        for (problem, bundle) in [
+            setting((5, 8), |_, _| true),
+            setting((12, 9), gaps),
+            setting((8, 90), gaps),
+            setting((90, 8), gaps),
+            setting((60, 60), band),
+        ] {
+            check::<3, 2>(&problem, &bundle);
+            check::<2, 3>(&problem, &bundle);
+        }
+    }
+}

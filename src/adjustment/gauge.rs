@@ -298,3 +298,99 @@ impl FixedByPriors {
         rows
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::problem::{LandmarkPrior, Noise, Odometry, PosePrior};
+    use nalgebra::{Point2, Vector3};
+
+    /// The map of three views and two landmarks, and problems that fix none, some or all of its gauge.
+    fn settings() -> (Bundle, Vec<Problem>) {
+        let bundle = Bundle {
+            poses: [(0.3, -0.2, 0.4), (1.4, 0.5, -0.7), (-0.6, 1.1, 1.9)]
+                .map(|(x, y, theta)| pose(x, y, theta))
+                .to_vec(),
+            landmarks: vec![Point2::new(2.0, 1.5), Point2::new(-1.2, 0.4)],
+        };
+        let alone = || Problem::dense(3, 2, &[0.3, -2.0, 1.5, 2.9, 0.1, -0.4], 0.5).unwrap();
+        let known = |landmark: usize| LandmarkPrior {
+            landmark,
+            position: bundle.landmarks[landmark],
+            noise: Noise::Sigmas([0.1, 0.1]),
+        };
+        let posed = |sigmas| PosePrior {
+            view: 1,
+            pose: bundle.poses[1],
+            noise: Noise::Sigmas(sigmas),
+        };
+        let motion = Odometry {
+            start: 0,
+            end: 1,
+            delta: bundle.poses[0].inv_mul(&bundle.poses[1]),
+            noise: Noise::Sigmas([0.1; 3]),
+        };
+        let free = f64::INFINITY;
+        let problems = [
+            Ok(alone()),
+            alone().with_landmark_priors(&[known(1)]),
+            alone().with_pose_priors(&[posed([0.1, 0.1, free])]),
+            alone().with_pose_priors(&[posed([free, free, 0.1])]),
+            alone().with_pose_priors(&[posed([0.1; 3])]),
+            alone().with_odometry(&[motion]),
+            alone().with_landmark_priors(&[known(0), known(1)]),
+        ];
+        (bundle.clone(), problems.map(Result::unwrap).to_vec())
+    }
+
+    /// A change of the map brought back into the frame moves along no constraint, to first order in its length.
+    #[test]
+    fn constraints_are_the_frame_linearised() {
+        let (bundle, problems) = settings();
+        for (case, problem) in problems.iter().enumerate() {
+            let fixed = FixedByPriors::of(problem);
+            let framed = |mut bundle: Bundle| {
+                bundle.transform(&fixed.frame(&bundle).unwrap());
+                bundle
+            };
+            let bundle = framed(bundle.clone());
+            let constraints = fixed.constraints(&bundle);
+            // They fix what the priors leave free, all of it and nothing else.
+            assert_eq!(
+                constraints.len(),
+                gauge_directions(problem, &bundle).len(),
+                "{case}"
+            );
+            let length = 1e-6;
+            for parameter in 0..13 {
+                let entry = |k: usize| if k == parameter { length } else { 0.0 };
+                let poses = [0, 3, 6].map(|k| Vector3::new(entry(k), entry(k + 1), entry(k + 2)));
+                let landmarks = [9, 11].map(|k| Vector2::new(entry(k), entry(k + 1)));
+                let mut moved = bundle.clone();
+                bundle.step(&poses, &landmarks, &mut moved);
+                let moved = framed(moved);
+                let turned = |k: usize| {
+                    let [before, after] = [&bundle, &moved].map(|b| b.poses[k].rotation);
+                    before.angle_to(&after)
+                };
+                let pairs = moved.poses.iter().zip(&bundle.poses).enumerate();
+                let mut change: Vec<f64> = pairs
+                    .flat_map(|(k, (after, before))| {
+                        let step = after.translation.vector - before.translation.vector;
+                        [step.x, step.y, turned(k)]
+                    })
+                    .collect();
+                let pairs = moved.landmarks.iter().zip(&bundle.landmarks);
+                change.extend(
+                    pairs.flat_map(|(after, before)| [(after - before).x, (after - before).y]),
+                );
+                for (place, row) in constraints.iter().enumerate() {
+                    let along: f64 = row.iter().zip(&change).map(|(a, b)| a * b).sum();
+                    // What is left is of second order.
+                    assert!(along.abs() < 1e-9, "{case} {parameter} {place}: {along:e}");
+                }
+            }
+        }
+    }
+}

@@ -305,7 +305,12 @@ mod tests {
             assert!((a - b).norm() < 1e-9 * b.norm(), "{k}: {a} {b}");
         }
         assert_eq!(found != expected, fast, "the other way than meant");
-        assert!(looks.iter().all(|&(done, total)| done as f64 <= total));
+        let all = found.len();
+        assert!(
+            looks
+                .iter()
+                .all(|&look| look.0 <= all && look.1 == all as f64)
+        );
         let stopped = diagonal_blocks(&normal, problem, &mut Some(&mut |_, _| false));
         assert_eq!(stopped, Err(Error::Interrupted));
     }

@@ -89,3 +89,73 @@ impl Leverage {
         cholesky::dot(row(k), row(l))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::lm::RefineOptions;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A refined map of four views and seven landmarks without the last view and the second landmark, the sightings that
+    /// it is estimated from, and all sightings.
+    fn setting() -> (Problem, Problem, Map, Vec<bool>) {
+        let scene = simulate(Layout::Enclosed, 5, 8, 1e-6, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 8, &scene.bearings, 0.01).unwrap();
+        let kept: Vec<bool> = problem
+            .sightings()
+            .iter()
+            .map(|s| s.view != 4 && s.landmark != 1)
+            .collect();
+        let mut map = scene.map();
+        map.poses[4] = None;
+        map.landmarks[1] = None;
+        let inner = problem.subset(&kept);
+        refine_map(&inner, &mut map, &RefineOptions::default(), None).unwrap();
+        (problem, inner, map, kept)
+    }
+
+    /// Leverages are those of a projection on the space of the parameters, of which the gauge is four: they add up to its
+    /// dimension. What the map does not contain has none.
+    #[test]
+    fn leverages_add_up_to_the_number_of_parameters() {
+        let (problem, _, map, kept) = setting();
+        let found = Leverage::new(&problem, &map, &kept).unwrap();
+        let own = |k: usize| found.between(k, k);
+        let sum: f64 = (0..kept.len()).map(own).sum();
+        assert!((sum - (3 * 4 + 2 * 7 - 4) as f64).abs() < 1e-4, "{sum}");
+        for (k, inside) in kept.iter().enumerate() {
+            assert_eq!(found.residuals[k].is_some(), *inside, "{k}");
+            assert_eq!(own(k) > 0.0, *inside, "{k}");
+            // A projection is its own square.
+            let square: f64 = (0..kept.len()).map(|l| found.between(k, l).powi(2)).sum();
+            assert!((square - own(k)).abs() < 1e-4, "{k}: {square} {}", own(k));
+        }
+    }
+
+    /// (T29): without a sighting its residual is larger by a factor of one over one minus its leverage, and the others
+    /// change with their inner product.
+    #[test]
+    fn residuals_without_a_sighting_are_predicted() {
+        let (problem, inner, map, kept) = setting();
+        let found = Leverage::new(&problem, &map, &kept).unwrap();
+        let places: Vec<usize> = (0..kept.len()).filter(|&k| kept[k]).collect();
+        for (removed, &k) in places.iter().enumerate() {
+            let rest: Vec<bool> = (0..places.len()).map(|l| l != removed).collect();
+            let mut without = map.clone();
+            let options = RefineOptions::default();
+            refine_map(&inner.subset(&rest), &mut without, &options, None).unwrap();
+            let by = found.residuals[k].unwrap() / (1.0 - found.between(k, k));
+            let residuals: Vec<f64> = without.residuals(&inner).flatten().collect();
+            for (l, &place) in places.iter().enumerate() {
+                let predicted = found.residuals[place].unwrap() + found.between(k, place) * by;
+                let observed = residuals[l] / 0.01;
+                // They are up to 6e-3 sigma: so little noise that the bearings are linear over it.
+                assert!(
+                    (predicted - observed).abs() < 1e-5,
+                    "{k} {place}: {predicted} {observed}"
+                );
+            }
+        }
+    }
+}

@@ -192,3 +192,34 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// The ways to compute it, each for problems of any size.
+    const WAYS: [fn(&Bundle, &Problem) -> f64; 3] =
+        [weakest_of_all, weakest_kept::<3, 2>, weakest_kept::<2, 3>];
+
+    /// A standard deviation over the size of the map: proportional to that of the bearings, and the same in any unit of
+    /// length.
+    #[test]
+    fn sensitivity_is_relative_to_the_size_of_the_map() {
+        let scene = simulate(Layout::Mixed, 7, 9, 0.0, 2, Arena::default()).unwrap();
+        let problem = |sigma| Problem::dense(7, 9, &scene.bearings, sigma).unwrap();
+        let mut bundle = Bundle::from_map(&scene.map());
+        let before = WAYS.map(|way| way(&bundle, &problem(0.01)));
+        for (scale, sigma) in [(1000.0, 0.01), (1e-6, 0.01), (1.0, 0.03)] {
+            bundle.scale(scale);
+            for (k, (way, before)) in WAYS.iter().zip(before).enumerate() {
+                let ratio = way(&bundle, &problem(sigma)) / before;
+                // Not to the last digit: between these units one of them changes by 12 percent.
+                assert!(
+                    (ratio / (sigma / 0.01) - 1.0).abs() < 0.25,
+                    "{k} {scale}: {ratio}"
+                );
+            }
+        }
+    }
+}

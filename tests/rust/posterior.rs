@@ -516,6 +516,35 @@ fn covariance_is_the_scatter_of_estimates() {
     }
 }
 
+/// What the frame fixes has neither variance nor covariance, without a trace of rounding, and a covariance is symmetric.
+#[test]
+fn a_fixed_heading_has_no_covariance() {
+    for seed in 0..20 {
+        let scene = common::scene(Layout::Enclosed, 6, 9, 0.5, seed);
+        let known = LandmarkPrior {
+            landmark: 2,
+            position: scene.landmarks[2],
+            noise: Noise::Sigmas([0.1, 0.2]),
+        };
+        let problem = bearings(&scene).with_landmark_priors(&[known]).unwrap();
+        let frame = Frame::FirstView;
+        let found = covariance(&problem, &scene.map(), Loss::Squared, frame, None).unwrap();
+        // The landmark is known, so the first view has a position of its own, and its heading is the datum.
+        let first = found.poses[0].unwrap();
+        assert!(
+            first[(0, 0)] > 1e-6 && first[(1, 1)] > 1e-6,
+            "{seed} {first}"
+        );
+        assert!(first[(2, 2)] < 1e-15, "{seed} {first}");
+        for pose in found.poses.iter().flatten() {
+            assert_eq!(*pose, pose.transpose(), "{seed}");
+        }
+        for point in found.landmarks.iter().flatten() {
+            assert_eq!(*point, point.transpose(), "{seed}");
+        }
+    }
+}
+
 #[test]
 fn a_free_direction_has_infinite_variance_and_the_rest_its_own() {
     // Three views of a wall and nothing else: one direction is free.

@@ -54,6 +54,35 @@ fn exact_bearings_pull_a_guess_to_the_truth() {
     }
 }
 
+/// Beyond the horizon a landmark is as good as at infinity. There it is brought back to where its bearings still change
+/// with its position, and the cost stays.
+#[test]
+fn a_landmark_beyond_the_horizon_is_brought_back() {
+    let scene = scene(Layout::Mixed, 6, 9, 0.5, 2);
+    let home = scene.poses[0].translation.vector;
+    let options = RefineOptions {
+        max_iterations: 0,
+        ..RefineOptions::default()
+    };
+    let mut costs = Vec::new();
+    for away in [1e6, 1e9, 1e20, 1e45] {
+        let mut map = truth(&scene);
+        let point = scene.landmarks[2].coords;
+        map.landmarks[2] = Some((home + away * (point - home)).into());
+        let report = refine_map(&problem(&scene), &mut map, &options, None).unwrap();
+        // Half of the digits are left for directions.
+        let far = (map.landmarks[2].unwrap().coords - home).norm();
+        assert!(far > 1e5 && far < 1e9, "{away:e}: {far:e}");
+        costs.push(report.cost);
+    }
+    assert!(
+        costs
+            .iter()
+            .all(|cost| (cost / costs[0] - 1.0).abs() < 1e-5),
+        "{costs:?}"
+    );
+}
+
 #[test]
 fn a_minimum_is_a_minimum() {
     let scene = scene(Layout::Mixed, 8, 11, 1.0, 3);

@@ -213,6 +213,30 @@ fn what_the_bearings_do_not_determine_has_no_bound() {
     assert_eq!(scene(Layout::Mixed, 5, 3, 0.0, 1).bound(0.01), None);
 }
 
+/// A wall leaves a direction free, and in any direction the coordinates of its landmarks round otherwise.
+#[test]
+fn a_wall_has_no_bound() {
+    for turn in 0..30 {
+        let by = nalgebra::UnitComplex::new(0.1 * f64::from(turn));
+        let mut scene = scene(Layout::Mixed, 5, 8, 0.0, 3);
+        for (k, point) in scene.landmarks.iter_mut().enumerate() {
+            *point = by * nalgebra::Point2::new(0.9 * k as f64 - 2.0, 6.0);
+        }
+        for pose in &mut scene.poses {
+            *pose = by * *pose;
+        }
+        assert_eq!(scene.bound(0.01), None, "{turn}");
+    }
+}
+
+/// The bound is computed up to 1024 parameters.
+#[test]
+fn large_scenes_have_a_bound_and_larger_ones_do_not() {
+    let bound = |landmarks| scene(Layout::Mixed, 40, landmarks, 0.0, 3).bound(0.01);
+    assert!(bound(452).is_some_and(|bound| bound.position_rms > 0.0));
+    assert_eq!(bound(453), None);
+}
+
 /// Scenes that need the wide search or alternative positions of landmarks.
 #[test]
 fn doubt_widens_the_search() {
