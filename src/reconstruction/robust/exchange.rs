@@ -136,7 +136,7 @@ mod tests {
         for seed in 0..6 {
             let scene = simulate(Layout::Mixed, 5, 9, noise, seed, Arena::default()).unwrap();
             let problem = Problem::dense(5, 9, &scene.bearings, sigma).unwrap();
-            let kept: Vec<bool> = (0..45).map(|k| (k + seed as usize) % 6 > 0).collect();
+            let kept: Vec<bool> = (0..45).map(|k| !(k + seed).is_multiple_of(6)).collect();
             let (best, now) = consensus(&problem, scene.map(), kept.clone());
             let found = promising(&problem, &best, &options);
             let change = |set: &[usize]| {
