@@ -200,3 +200,32 @@ pub fn descend_view(
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Exact bearings, and with none a prior, bring a view back to where it was.
+    #[test]
+    fn a_view_descends_to_its_bearings_and_its_prior() {
+        let scene = simulate(Layout::Enclosed, 3, 12, 0.0, 4, Arena::default()).unwrap();
+        let problem = Problem::dense(3, 12, &scene.bearings, 0.01).unwrap();
+        let map = scene.map();
+        let root = [[20.0, 3.0, 0.0], [0.0, 10.0, 1.0], [0.0, 0.0, 50.0]];
+        for (view, truth) in scene.poses.iter().enumerate() {
+            let seen: Vec<_> = map.seen(&problem, view).collect();
+            let prior = [PoseTerm::prior(truth, &root)];
+            let start = truth * pose(0.05, -0.04, 0.03);
+            for (seen, terms) in [(&seen[..], &prior[..0]), (&[], &prior), (&seen, &prior)] {
+                let found = descend_view(&problem, seen, terms, start, 30);
+                let error = vector(&truth.inv_mul(&found)).norm();
+                assert!(error < 1e-9, "{view}: {error:e}");
+                // A step that raises the cost is not taken.
+                let stays = descend_view(&problem, seen, terms, *truth, 30);
+                let error = vector(&truth.inv_mul(&stays)).norm();
+                assert!(error < 1e-9, "{view}: {error:e}");
+            }
+        }
+    }
+}
