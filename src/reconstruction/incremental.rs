@@ -217,3 +217,45 @@ fn confirms(others: &[Reconstruction], found: &Reconstruction, judge: &JudgeOpti
             .iter()
             .any(|other| same(&other.map, &found.map, judge))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// The branch of a seed that reaches most and fits best decides, whichever is tried first.
+    #[test]
+    fn the_order_of_the_branches_does_not_matter() {
+        let options = SolveOptions::default();
+        let arena = Arena {
+            sight: 3.0,
+            ..Arena::default()
+        };
+        let mut both = 0;
+        for seed in 0..10 {
+            let scene = simulate(Layout::Trajectory, 20, 40, 0.002, seed, arena).unwrap();
+            // Modulo pi no signs decide between the branches.
+            let problem = Problem::dense(20, 40, &scene.bearings, 0.002).unwrap();
+            let problem = problem.unoriented();
+            let free = [true; 20];
+            let estimator =
+                || LeastSquaresPlaces::new(&problem, &options.stages.incremental, &options.refine);
+            for views in seeds::seeds(&problem, &options)
+                .unwrap()
+                .into_iter()
+                .take(3)
+            {
+                let mut branches = seeds::begin(&problem, views);
+                both += usize::from(branches.len() == 2);
+                let grow = |branches: &[Map]| {
+                    let branches = branches.to_vec();
+                    from_seed(&problem, &options, branches, estimator, &free, &mut None).unwrap()
+                };
+                let found = grow(&branches);
+                branches.reverse();
+                assert_eq!(grow(&branches), found, "{seed} {views:?}");
+            }
+        }
+        assert!(both > 20, "{both}");
+    }
+}

@@ -360,3 +360,60 @@ pub fn choose(
 fn missing(found: &Reconstruction) -> usize {
     found.undetermined.len()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::geometry::pose;
+    use crate::lm::RefineOptions;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A problem with stated standard deviations and its map.
+    fn setting() -> (Problem, Reconstruction) {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let found = Reconstruction::new(&problem, &map, report);
+        (problem, found)
+    }
+
+    /// Another minimum is a rival up to residuals three times as large, and best comes first.
+    #[test]
+    fn rivals_have_at_most_three_times_the_residuals() {
+        let (problem, best) = setting();
+        let mut rival = best.clone();
+        rival.map.poses[3] = Some(pose(0.1, 0.2, 0.3));
+        for (times, rivals) in [(1.1_f64, 1), (2.98, 1), (3.02, 0)] {
+            rival.cost = best.cost * times * times;
+            let found = Vec::from([rival.clone(), best.clone()]);
+            let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+            assert_eq!(chosen.map, best.map);
+            assert_eq!(chosen.alternatives.len(), rivals, "{times}");
+        }
+        // The same minimum is no rival, however close.
+        let found = Vec::from([best.clone(), best.clone()]);
+        let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+        assert!(chosen.alternatives.is_empty());
+    }
+
+    /// What a map does not explain costs as much as a residual three times that of an outlier, in units of the noise.
+    #[test]
+    fn an_unexplained_sighting_costs_nine_deviations() {
+        let (problem, whole) = setting();
+        let mut part = whole.clone();
+        part.residuals[7] = None;
+        for variance in [1.0, 2.0, 5.0] {
+            part.cost = 0.5 * variance * part.freedom as f64;
+            let price = 0.5 * 9.0 * 9.0 * variance;
+            for (more, is_whole) in [(0.99 * price, true), (1.01 * price, false)] {
+                let mut whole = whole.clone();
+                whole.cost = part.cost + more;
+                let found = Vec::from([part.clone(), whole]);
+                let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+                assert_eq!(chosen.residuals[7].is_some(), is_whole, "{variance} {more}");
+            }
+        }
+    }
+}

@@ -110,3 +110,14 @@ fn stages_use_the_options_of_the_caller() {
         );
     }
 }
+
+/// Defaults that follow from what their descriptions say.
+#[test]
+fn derived_defaults_have_their_values() {
+    let stages = StageOptions::default();
+    // Another round of sweeps is worth the cost of an outlier, which is that of `Reconstruction::cost`.
+    assert_eq!(stages.odometry_sweeps.worth, 4.5);
+    // Twice and three times the residuals.
+    assert_eq!(stages.incremental.fitting_ratio, 2.0_f64.powi(2));
+    assert_eq!(stages.judge.rival_ratio, 3.0_f64.powi(2));
+}

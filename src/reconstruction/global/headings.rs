@@ -153,3 +153,58 @@ fn attach(relative: &Relative, headings: &mut [Option<UnitComplex<f64>>]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn truth(view: usize) -> UnitComplex<f64> {
+        UnitComplex::new(0.7 * view as f64 - 1.9)
+    }
+
+    /// A triple with its exact headings in a frame of its own, as the second branch after a wrong one if `doubtful`.
+    fn triple(views: [usize; 3], doubtful: bool) -> Relative {
+        let own = UnitComplex::new(1.3 * views[0] as f64 + 0.4);
+        let right = views.map(|view| own * truth(view));
+        let wrong = views.map(|view| own * truth(view).inverse());
+        let branches = if doubtful {
+            vec![wrong, right]
+        } else {
+            vec![right]
+        };
+        Relative {
+            views,
+            branches,
+            quality: 1.0,
+        }
+    }
+
+    /// The initial headings are exact where the triples are, and a triple with two branches is attached by the right one,
+    /// whatever order they come in.
+    #[test]
+    fn the_spanning_tree_joins_exact_triples() {
+        let mut relatives = vec![
+            triple([3, 4, 5], true),
+            triple([2, 3, 4], false),
+            triple([0, 1, 2], false),
+            triple([5, 6, 4], true),
+            triple([6, 5, 1], true),
+        ];
+        let group: Vec<usize> = (0..7).collect();
+        let initial = AveragingOptions {
+            rounds: 0,
+            ..AveragingOptions::default()
+        };
+        for _ in 0..relatives.len() {
+            for options in [initial, AveragingOptions::default()] {
+                let found = average(7, &relatives, &group, &options);
+                let turn = found[0].unwrap() / truth(0);
+                for (view, heading) in found.iter().enumerate() {
+                    let error = heading.unwrap().angle_to(&(turn * truth(view)));
+                    assert!(error.abs() < 1e-12, "{view}: {error}");
+                }
+            }
+            relatives.rotate_left(1);
+        }
+    }
+}

@@ -118,3 +118,28 @@ pub fn groups(views: usize, relatives: &[Relative]) -> Vec<Vec<usize>> {
     groups.sort_by_key(|group| core::cmp::Reverse(group.len()));
     groups
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// The signs of exact bearings almost always leave one branch, and the true one comes first.
+    #[test]
+    fn signs_leave_the_true_branch() {
+        let mut alone = 0;
+        for seed in 0..20 {
+            let scene = simulate(Layout::Enclosed, 3, 24, 0.0, seed, Arena::default()).unwrap();
+            let problem = Problem::dense(3, 24, &scene.bearings, 1.0).unwrap();
+            let found = relative(&problem, [0, 1, 2], 6, 5).unwrap().unwrap();
+            alone += usize::from(found.branches.len() == 1);
+            let branch = found.branches[0];
+            let turn = scene.poses[0].rotation * branch[0].inverse();
+            for (heading, pose) in branch.iter().zip(&scene.poses) {
+                let error = (turn * heading).angle_to(&pose.rotation);
+                assert!(error.abs() < 1e-6, "{seed}: {error}");
+            }
+        }
+        assert!(alone > 15, "{alone}");
+    }
+}
