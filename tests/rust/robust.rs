@@ -378,6 +378,20 @@ fn random_bearings_have_no_consensus() {
     }
 }
 
+/// Under limited sight the map grows view by view, and what it agrees with by chance is no map either.
+#[test]
+fn random_bearings_under_limited_sight_have_no_consensus() {
+    let arena = Arena {
+        sight: 3.5,
+        ..Arena::default()
+    };
+    // A scene in which growth reaches enough for a map.
+    let exact = simulate(Layout::Trajectory, 20, 30, sigma(), 2, arena).unwrap();
+    let (noise, _) = exact.contaminate(1.0, 2);
+    let error = solve(&problem(&noise), &options(), None).unwrap_err();
+    assert!(matches!(error, Error::NoConsensus { .. }), "{error}");
+}
+
 /// Whether the inliers are the true ones, except for a few of either kind.
 fn tells(found: &[bool], truth: &[bool]) -> bool {
     let wrong = found.iter().zip(truth).filter(|(a, b)| a != b).count();

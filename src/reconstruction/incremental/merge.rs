@@ -147,3 +147,40 @@ mod tests {
         assert_eq!(chosen.unwrap().cost, whole.cost);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::lm::RefineOptions;
+    use crate::problem::{Subject, Undetermined, Why};
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A map that leaves less undetermined is better up to residuals twice as large; of equals the lower cost is.
+    #[test]
+    fn the_more_complete_map_is_best_up_to_twice_the_residuals() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let whole = Reconstruction::new(&problem, &map, report);
+        let mut part = whole.clone();
+        part.undetermined.push(Undetermined {
+            subject: Subject::View(4),
+            why: Why::Degenerate,
+        });
+        let options = IncrementalOptions::default();
+        for (times, is_whole) in [(1.0_f64, true), (1.97, true), (2.03, false)] {
+            let mut whole = whole.clone();
+            whole.cost = part.cost * times * times;
+            for found in [[part.clone(), whole.clone()], [whole, part.clone()]] {
+                let chosen = best(&problem, &options, found.to_vec()).unwrap();
+                assert_eq!(chosen.undetermined.is_empty(), is_whole, "{times}");
+            }
+        }
+        let mut other = whole.clone();
+        other.cost *= 1.1;
+        let chosen = best(&problem, &options, Vec::from([other, whole.clone()]));
+        assert_eq!(chosen.unwrap().cost, whole.cost);
+    }
+}

@@ -91,3 +91,60 @@ pub fn local_minima(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+
+    /// The samples go around half a circle once, evenly, or half of them within the angle that is asked for.
+    #[test]
+    fn samples_are_spread_over_half_a_circle() {
+        let problem = Problem::dense(1, 1, &[0.1], 1.0).unwrap();
+        for circle in [Circle::WHOLE, Circle::AROUND_BEST] {
+            let mut angles = vec![];
+            let found = local_minima(&problem, circle, |cos, sin| {
+                angles.push(sin.atan2(cos));
+                [Map::empty(1, 1), Map::empty(1, 1)]
+            });
+            // All scores are equal, so that every sample of both branches is a minimum.
+            assert_eq!(found.len(), 2 * circle.places);
+            assert_eq!(angles.len(), circle.places);
+            assert!(angles.is_sorted() && angles.iter().all(|angle| angle.abs() < 1.58));
+            let within = |bound: f64| angles.iter().filter(|angle| angle.abs() < bound).count();
+            assert_eq!(within(circle.width.atan()), circle.places / 2);
+            if circle.width == 1.0 {
+                let step = core::f64::consts::PI / circle.places as f64;
+                let even = |pair: &[f64]| (pair[1] - pair[0] - step).abs() < 1e-12;
+                assert!(angles.windows(2).all(even));
+            }
+        }
+    }
+
+    /// A minimum is lower than its neighbours along the circle, which closes: the last sample is next to the first.
+    #[test]
+    fn minima_are_found_across_the_end_of_the_circle() {
+        // One view at the origin sees one landmark: the score grows with the error of its bearing.
+        let problem = Problem::dense(1, 1, &[0.0], 1.0).unwrap();
+        let circle = Circle {
+            places: 12,
+            width: 1.0,
+        };
+        for least in 0..12 {
+            let mut place = 0;
+            let found = local_minima(&problem, circle, |_, _| {
+                let apart = (place + 12_usize - least) % 12;
+                let error = 0.1 * apart.min(12 - apart) as f64;
+                place += 1;
+                let mut map = Map::empty(1, 1);
+                map.poses[0] = Some(crate::geometry::pose(0.0, 0.0, error));
+                map.landmarks[0] = Some(nalgebra::Point2::new(1.0, 0.0));
+                [map, Map::empty(1, 1)]
+            });
+            let minima = found.iter().filter(|(score, _)| *score < 1e-12);
+            assert_eq!(minima.count(), 1, "{least}");
+            // All of the second branch, whose scores are equal, but of the first only one.
+            assert_eq!(found.len(), 13, "{least}");
+        }
+    }
+}
