@@ -58,7 +58,14 @@ const FAMILIES: [Family; 7] = [
     ),
     (
         "limited sight",
-        &["sight", "draw", "incremental", "judge", "infinity"],
+        &[
+            "sight",
+            "draw",
+            "incremental",
+            "landmark_moves",
+            "judge",
+            "infinity",
+        ],
         2,
         limited,
     ),

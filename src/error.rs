@@ -185,6 +185,9 @@ pub(crate) fn check_option(
     })
 }
 
+/// Below this whole numbers are written as such.
+const COUNTS: f64 = 1e6;
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -274,7 +277,8 @@ impl fmt::Display for Error {
             Self::Degenerate { kind, value, bound } => {
                 let (quantity, advice) = (kind.quantity(), kind.advice());
                 write!(f, "degenerate geometry: {quantity} is ")?;
-                if value % 1.0 == 0.0 && bound % 1.0 == 0.0 {
+                let is_count = |value: f64| value % 1.0 == 0.0 && value.abs() < COUNTS;
+                if is_count(value) && is_count(bound) {
                     write!(f, "{value}, bound {bound}; {advice}")
                 } else {
                     write!(f, "{value:.3e}, bound {bound:.3e}; {advice}")

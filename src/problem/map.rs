@@ -127,6 +127,18 @@ impl Map {
         problem.restrict(&views, &landmarks)
     }
 
+    /// The map with what another in the same frame has beyond it.
+    pub(crate) fn united(&self, other: &Self) -> Self {
+        let mut map = self.clone();
+        for (place, pose) in map.poses.iter_mut().zip(&other.poses) {
+            *place = place.or(*pose);
+        }
+        for (place, point) in map.landmarks.iter_mut().zip(&other.landmarks) {
+            *place = place.or(*point);
+        }
+        map
+    }
+
     /// The map transformed by a similarity.
     pub fn transformed(&self, similarity: &Similarity2<f64>) -> Self {
         Self {

@@ -5,7 +5,7 @@ use super::judge::JudgeOptions;
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
 use crate::geometry::points::{median, middle};
-use crate::problem::Map;
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::Vector2;
 
@@ -17,12 +17,19 @@ const FEW_VIEWS: usize = 4;
 ///
 /// # Errors
 /// [`Error::Degenerate`].
-pub fn refuse_collapsed(found: &Reconstruction, options: &JudgeOptions) -> Result<(), Error> {
+pub fn refuse_collapsed(
+    problem: &Problem,
+    found: &Reconstruction,
+    options: &JudgeOptions,
+) -> Result<(), Error> {
     let views = found.map.view_positions().count();
     let explains = views < FEW_VIEWS || found.rms <= options.explaining_rms;
     let of_views = (!explains).then(|| share(&found.map));
     // On its view a landmark has any bearing, so that the residuals say nothing.
-    for value in [of_views, ranges(&found.map)].into_iter().flatten() {
+    for value in [of_views, ranges(problem, &found.map)]
+        .into_iter()
+        .flatten()
+    {
         if value < options.collapsed {
             return Err(Error::Degenerate {
                 kind: Degeneracy::CollapsedMap,
@@ -35,7 +42,11 @@ pub fn refuse_collapsed(found: &Reconstruction, options: &JudgeOptions) -> Resul
 }
 
 /// Leaves out alternatives that have collapsed, and where the best has not, those with all views in one place.
-pub fn drop_collapsed_alternatives(best: &mut Reconstruction, options: &JudgeOptions) {
+pub fn drop_collapsed_alternatives(
+    problem: &Problem,
+    best: &mut Reconstruction,
+    options: &JudgeOptions,
+) {
     let in_one_place = |map: &Map| {
         let mut views = map.view_positions();
         let first = views.next();
@@ -43,20 +54,23 @@ pub fn drop_collapsed_alternatives(best: &mut Reconstruction, options: &JudgeOpt
     };
     let stands = in_one_place(&best.map);
     best.alternatives.retain(|rival| {
-        refuse_collapsed(rival, options).is_ok() && (stands || !in_one_place(&rival.map))
+        refuse_collapsed(problem, rival, options).is_ok() && (stands || !in_one_place(&rival.map))
     });
 }
 
-/// The median range of the landmarks from the nearest view, as a share of the extent of the map; `None` for a single
-/// landmark, which may end on a view where that makes its residual zero.
-fn ranges(map: &Map) -> Option<f64> {
+/// The median range of the landmarks from the nearest view that sees them, as a share of the extent of the map; `None` for
+/// a single landmark, which may end on a view where that makes its residual zero.
+fn ranges(problem: &Problem, map: &Map) -> Option<f64> {
     let landmarks: Vec<Vector2<f64>> = map.landmarks.iter().flatten().map(|p| p.coords).collect();
     let views: Vec<Vector2<f64>> = map.view_positions().collect();
     let first = views.first().filter(|_| landmarks.len() > 1)?;
     let places = views.iter().chain(&landmarks);
     let extent = places.fold(0.0, |extent: f64, place| extent.max((place - first).norm()));
-    let nearest = landmarks.iter().map(|landmark| {
-        let ranges = views.iter().map(|view| (view - landmark).norm());
+    let placed = map.landmarks.iter().enumerate();
+    let placed = placed.filter_map(|(landmark, point)| Some((landmark, (*point)?)));
+    let nearest = placed.map(|(landmark, point)| {
+        let rays = map.rays(problem, landmark);
+        let ranges = rays.map(|(pose, _)| (pose.translation.vector - point.coords).norm());
         ranges.fold(f64::INFINITY, f64::min)
     });
     Some(median(nearest.collect()) / extent)
@@ -75,6 +89,7 @@ pub fn share(map: &Map) -> f64 {
 mod tests {
     use super::*;
     use crate::geometry::pose;
+    use alloc::vec;
     use nalgebra::Point2;
 
     #[test]
@@ -89,7 +104,9 @@ mod tests {
                     .map(|&(x, y)| Some(Point2::new(x, y)))
                     .collect(),
             };
-            ranges(&map)
+            let bearings = vec![0.1; 3 * landmarks.len()];
+            let problem = Problem::dense(3, landmarks.len(), &bearings, 1.0).unwrap();
+            ranges(&problem, &map)
         };
         let (first, second) = ((1e-9, 0.0), (1.0, -1e-9));
         let (near, far) = ((0.0, 1e-6), (3.0, 1.0));
@@ -101,6 +118,6 @@ mod tests {
         ] {
             assert_eq!(of(landmarks).unwrap() < 1e-8, on, "{landmarks:?}");
         }
-        assert_eq!([of(&[first]), of(&[])], [None; 2]);
+        assert_eq!(of(&[first]), None);
     }
 }

@@ -9,7 +9,7 @@ pub(crate) mod join;
 mod least_squares;
 pub(crate) mod merge;
 pub(crate) mod options;
-mod place;
+pub(crate) mod place;
 pub(crate) mod regrow;
 mod seeds;
 

@@ -140,15 +140,15 @@ pub fn solve(
     let judge = &options.stages.judge;
     let mut best = if !problem.priors().is_empty() {
         let best = solve_posterior(problem, options, &mut progress)?;
-        refuse_collapsed(&best, judge)?;
+        refuse_collapsed(problem, &best, judge)?;
         judged(problem, best)?
     } else if options.robust {
         let best = solve_robust(problem, options, &mut progress)?;
-        refuse_collapsed(&best, judge)?;
+        refuse_collapsed(problem, &best, judge)?;
         best
     } else {
         persist::solve(problem, options, &mut progress)?
     };
-    drop_collapsed_alternatives(&mut best, judge);
+    drop_collapsed_alternatives(problem, &mut best, judge);
     Ok(best)
 }

@@ -53,7 +53,7 @@ pub fn finished(
     let mut best = converged(problem, best, options, progress)?;
     drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
     let best = without_far_views(problem, best, options, progress)?;
-    refuse_collapsed(&best, &options.stages.judge)?;
+    refuse_collapsed(problem, &best, &options.stages.judge)?;
     judged(problem, best)
 }
 

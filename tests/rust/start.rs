@@ -324,7 +324,8 @@ fn wrong_rooms(sigmas: [f64; 3]) -> (usize, usize) {
 /// A view that shares little with the others does not draw them into one place.
 #[test]
 fn a_compass_places_views_of_limited_sight() {
-    assert_eq!(wrong_rooms([UNKNOWN, UNKNOWN, 0.02]), (0, 42));
+    let (wrong, all) = wrong_rooms([UNKNOWN, UNKNOWN, 0.02]);
+    assert!(wrong == 0 && all > 35, "{wrong} of {all}");
 }
 
 /// On a rail or in a lane one coordinate of every position is known. Where no view sees three placed landmarks, the
@@ -332,8 +333,7 @@ fn a_compass_places_views_of_limited_sight() {
 #[test]
 fn one_coordinate_of_each_position_is_used() {
     let (wrong, all) = wrong_rooms([UNKNOWN, 0.02, UNKNOWN]);
-    assert_eq!(all, 42);
-    assert!(wrong <= 6, "{wrong}");
+    assert!(7 * wrong <= all && all > 35, "{wrong} of {all}");
 }
 
 /// Where the map from bearings alone is the best, odometry still places the views that it lacks.

@@ -8,13 +8,13 @@ use super::super::judge::{is_excess_plausible, variance};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::{finish, place_all};
+use super::place::backward;
 use crate::error::Error;
-use crate::geometry::Pose;
-use crate::problem::{IndexedSighting, MIN_LANDMARKS_OF_VIEW, Map, Problem};
+use crate::problem::{MIN_LANDMARKS_OF_VIEW, Map, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
-use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
+use nalgebra::UnitComplex;
 
 /// A map with the views that a sweep over headings places, as long as redundant sightings confirm them.
 ///
@@ -110,26 +110,4 @@ fn swept(
     let lowest: Vec<usize> = (0..count).filter(is_lowest).collect();
     let mut tried = tried;
     lowest.into_iter().filter_map(|k| tried[k].take()).collect()
-}
-
-/// The view of a heading where two of its rays, followed backward from their landmarks, cross; `None` where the
-/// landmarks would be behind it.
-pub fn backward(
-    heading: UnitComplex<f64>,
-    (first, one): &(Point2<f64>, &IndexedSighting),
-    (second, two): &(Point2<f64>, &IndexedSighting),
-    is_oriented: bool,
-) -> Option<Pose<f64>> {
-    let ray = |s: &IndexedSighting| {
-        let ray = (heading * s.bearing).into_inner();
-        Vector2::new(ray.re, ray.im)
-    };
-    let (u, v) = (ray(one), ray(two));
-    let sine = u.perp(&v);
-    let range = (first - second).perp(&v) / sine;
-    let place = first.coords - u * range;
-    let is_ahead = range > 0.0 && (second.coords - place).dot(&v) > 0.0;
-    let is_place = sine.abs() > f64::EPSILON && range.is_finite();
-    (is_place && (is_ahead || !is_oriented))
-        .then(|| Pose::from_parts(Translation2::from(place), heading))
 }

@@ -8,7 +8,7 @@
 use super::gates::{noise, range_variance};
 use super::options::IncrementalOptions;
 use crate::adjustment::linear_similarity::{LinearSimilarity, UNKNOWNS};
-use crate::geometry::{align, transform_pose};
+use crate::geometry::align;
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Similarity2, Vector2};
@@ -30,7 +30,7 @@ pub fn merged<'a>(
             let [to, from] = [first, second].map(|map| Part::new(problem, options, deviation, map));
             similarities(problem, options.joining_landmarks, &to, &from)
         })
-        .map(move |similarity| extended(first, second, &similarity))
+        .map(move |similarity| first.united(&second.transformed(&similarity)))
 }
 
 /// The similarities that move the second map into the frame of the first: by landmarks alone, and by sightings across
@@ -52,8 +52,9 @@ fn similarities(
     } else {
         None
     };
-    let there = similarity(&shared, &to.sightings_of(problem, from));
-    let back = similarity(&swapped, &from.sightings_of(problem, to));
+    let oriented = problem.is_oriented();
+    let there = similarity(&shared, &to.sightings_of(problem, from), oriented);
+    let back = similarity(&swapped, &from.sightings_of(problem, to), oriented);
     let back = back.map(|back| back.inverse());
     aligned.into_iter().chain(there).chain(back).collect()
 }
@@ -107,8 +108,12 @@ struct Across {
 
 /// The similarity that moves what the second of each pair is to where the first is, and landmarks seen across onto
 /// their rays; `None` when there are too few equations, when they leave a direction free, or when a landmark comes to be
-/// behind the view that sees it.
-fn similarity(shared: &[[Point2<f64>; 2]], across: &[Across]) -> Option<Similarity2<f64>> {
+/// behind the view that sees it, unless bearings are known modulo pi.
+fn similarity(
+    shared: &[[Point2<f64>; 2]],
+    across: &[Across],
+    oriented: bool,
+) -> Option<Similarity2<f64>> {
     let mut equations = LinearSimilarity::default();
     for [to, from] in shared {
         equations.add_point(from, to);
@@ -128,17 +133,5 @@ fn similarity(shared: &[[Point2<f64>; 2]], across: &[Across]) -> Option<Similari
         let offset = similarity.transform_point(&one.landmark) - one.view;
         offset.dot(&one.ray) > 0.0
     };
-    across.iter().all(is_ahead).then_some(similarity)
-}
-
-/// A map with what only another has, moved by a similarity.
-fn extended(first: &Map, second: &Map, similarity: &Similarity2<f64>) -> Map {
-    let mut map = first.clone();
-    for (to, from) in map.poses.iter_mut().zip(&second.poses) {
-        *to = to.or_else(|| from.map(|pose| transform_pose(similarity, &pose)));
-    }
-    for (to, from) in map.landmarks.iter_mut().zip(&second.landmarks) {
-        *to = to.or_else(|| from.map(|point| similarity.transform_point(&point)));
-    }
-    map
+    (!oriented || across.iter().all(is_ahead)).then_some(similarity)
 }

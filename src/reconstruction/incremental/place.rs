@@ -9,7 +9,7 @@ use super::gates::Fit;
 use crate::geometry::Pose;
 use crate::kernels::{Resection, resect, triangulate};
 use crate::problem::{IndexedSighting, MIN_VIEWS_OF_LANDMARK, Map, Problem};
-use nalgebra::{Point2, Translation2, Vector2};
+use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
 
 /// Places a view by its landmarks in the map: the resection, its pose or the mirrored one, and the fit.
 pub fn place_view(
@@ -69,6 +69,28 @@ pub fn place_far_out(
 ) -> Option<(Point2<f64>, Fit)> {
     let place = far_out(problem, map, landmark, sizes)?;
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
+}
+
+/// The view of a heading where two of its rays, followed backward from their landmarks, cross; `None` where the
+/// landmarks would be behind it.
+pub fn backward(
+    heading: UnitComplex<f64>,
+    (first, one): &(Point2<f64>, &IndexedSighting),
+    (second, two): &(Point2<f64>, &IndexedSighting),
+    is_oriented: bool,
+) -> Option<Pose<f64>> {
+    let ray = |s: &IndexedSighting| {
+        let ray = (heading * s.bearing).into_inner();
+        Vector2::new(ray.re, ray.im)
+    };
+    let (u, v) = (ray(one), ray(two));
+    let sine = u.perp(&v);
+    let range = (first - second).perp(&v) / sine;
+    let place = first.coords - u * range;
+    let is_ahead = range > 0.0 && (second.coords - place).dot(&v) > 0.0;
+    let is_place = sine.abs() > f64::EPSILON && range.is_finite();
+    (is_place && (is_ahead || !is_oriented))
+        .then(|| Pose::from_parts(Translation2::from(place), heading))
 }
 
 /// The direction of a sighting in the map frame.

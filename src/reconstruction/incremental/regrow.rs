@@ -4,7 +4,7 @@
 //! Where sight is limited a map may be right in one place and wrong in another, and no change of a single view or
 //! landmark helps, because those next to it are wrong as well.
 
-use super::super::judge::prices;
+use super::super::judge::{SAME_COST, prices};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::finish;
@@ -55,7 +55,7 @@ pub fn regrow(
         let both = [best, found];
         let prices = prices(problem, &both, &options.stages.judge);
         let [before, after] = both;
-        best = if prices[1] < prices[0] * (1.0 - 1e-6) {
+        best = if prices[1] < prices[0] * SAME_COST {
             failed = 0;
             after
         } else {

@@ -3,6 +3,7 @@
 
 use super::super::global::options::PositionOptions;
 use super::super::global::positions;
+use crate::geometry::points::{median, middle};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::{UnitComplex, Vector2};
@@ -35,14 +36,9 @@ fn far_view(map: &Map) -> Option<usize> {
     let places: Vec<(usize, Vector2<f64>)> = places
         .filter_map(|(view, pose)| Some((view, pose.as_ref()?.translation.vector)))
         .collect();
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
-    };
-    let along = |axis: usize| median(places.iter().map(|(_, place)| place[axis]).collect());
-    let middle = Vector2::new(along(0)?, along(1)?);
+    let middle = middle(&places.iter().map(|(_, place)| *place).collect::<Vec<_>>());
     let distance = |place: &Vector2<f64>| (place - middle).norm();
-    let usual = median(places.iter().map(|(_, place)| distance(place)).collect())?;
+    let usual = median(places.iter().map(|(_, place)| distance(place)).collect());
     let far = places
         .iter()
         .max_by(|a, b| distance(&a.1).total_cmp(&distance(&b.1)))?;

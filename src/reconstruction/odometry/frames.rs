@@ -69,19 +69,7 @@ pub fn shifted_onto(problem: &Problem, maps: [&Map; 2], shared: &[Shared]) -> Op
     let offsets: Vec<_> = both.filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
     let shift = Translation2::from(centroid(&offsets));
     let shift = Similarity2::from_parts(shift, UnitComplex::identity(), 1.0);
-    Some(united(first, &second.transformed(&shift)))
-}
-
-/// The first map with what the second has beyond it, in the same frame.
-pub fn united(first: &Map, second: &Map) -> Map {
-    let mut map = first.clone();
-    for (place, pose) in map.poses.iter_mut().zip(&second.poses) {
-        *place = place.or(*pose);
-    }
-    for (place, point) in map.landmarks.iter_mut().zip(&second.landmarks) {
-        *place = place.or(*point);
-    }
-    map
+    Some(first.united(&second.transformed(&shift)))
 }
 
 /// The first map with what the second has beyond it, moved by the similarity that fits some shared landmarks;
@@ -89,5 +77,5 @@ pub fn united(first: &Map, second: &Map) -> Map {
 pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
     let (source, target): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     let moved = second.transformed(&align(&source, &target).ok()?);
-    Some(united(first, &moved))
+    Some(first.united(&moved))
 }

@@ -13,7 +13,7 @@ use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
 use super::compass::map_from_headings;
-use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto, united};
+use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto};
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -165,7 +165,7 @@ impl<P: Placement> Growth<'_, '_, P> {
         let Some(framed) = in_frame_of_priors(self.problem, &piece.map) else {
             return Ok(false);
         };
-        world.map = united(&world.map, &framed);
+        world.map = world.map.united(&framed);
         self.extend(world)?;
         Ok(true)
     }
@@ -180,7 +180,7 @@ impl<P: Placement> Growth<'_, '_, P> {
                 continue;
             }
             let mut piece = Piece {
-                map: united(&world.map, map),
+                map: world.map.united(map),
                 framed: true,
             };
             self.extend(&mut piece)?;
@@ -337,7 +337,7 @@ impl<P: Placement> Growth<'_, '_, P> {
         // Some are in the frame of the priors only since they were joined.
         let (framed, apart): (Vec<_>, Vec<_>) = done.into_iter().partition(|piece| piece.framed);
         let world = framed.into_iter().reduce(|world, piece| Piece {
-            map: united(&world.map, &piece.map),
+            map: world.map.united(&piece.map),
             framed: true,
         });
         let mut maps = Vec::new();
@@ -360,7 +360,7 @@ impl<P: Placement> Growth<'_, '_, P> {
             .framed
             .then(|| in_frame_of(self.problem, &first.map, &second.map))
             .flatten()
-            .map(|framed| united(&first.map, &framed));
+            .map(|framed| first.map.united(&framed));
         let laid = (shared.len() >= self.stages.odometry_growth.min_shared)
             .then(|| self.placement.join([&first.map, &second.map], shared))
             .flatten();

@@ -6,7 +6,7 @@
 //! and a known coordinate.
 
 use super::super::grow::resect_view;
-use super::super::incremental::heading_sweep::backward;
+use super::super::incremental::place::backward;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;

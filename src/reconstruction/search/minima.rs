@@ -196,6 +196,7 @@ impl<'a, 'p> Minima<'a, 'p> {
     /// # Errors
     /// As [`Minima::try_out`].
     pub fn move_landmarks(&mut self, options: &LandmarkMoveOptions) -> Result<(), Error> {
+        let known = self.minima.len();
         for _ in 0..options.rounds {
             let Some(best) = self.lowest() else { break };
             if best.freedom == 0 || best.termination == Termination::ZeroResidual {
@@ -220,6 +221,13 @@ impl<'a, 'p> Minima<'a, 'p> {
                 break;
             }
         }
+        // What is no minimum was only on the way to a lower one.
+        let least = self.lowest().map_or(0.0, |best| best.cost);
+        let moved = self.minima.split_off(known.min(self.minima.len()));
+        let counts =
+            |found: &Reconstruction| found.termination.was_successful() || found.cost <= least;
+        self.minima
+            .extend(moved.into_iter().filter(|(found, _)| counts(found)));
         Ok(())
     }
 
