@@ -108,7 +108,7 @@ pub use problem::{
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
     AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IncrementalOptions,
-    InfinityOptions, JudgeOptions, LandmarkMoveOptions, MinimaOptions, OdometryGrowthOptions,
+    InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions, OdometryGrowthOptions,
     OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
     RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
     StrideOptions,

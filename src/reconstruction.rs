@@ -32,7 +32,7 @@ pub(crate) use options::report_progress;
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub use result::Reconstruction;
 pub use robust::options::{RegrowthOptions, RobustOptions};
-pub use search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
+pub use search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};
 pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};
 pub use stages::StageOptions;

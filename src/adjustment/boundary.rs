@@ -8,11 +8,12 @@
 //! otherwise the descent returns to where it entered the boundary.
 
 use super::bundle::{Bundle, Rows};
+use super::prior_rows::has_prior;
 use super::step_solver::BundleAdjustment;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::{centroid, horizon, spread};
-use crate::problem::Problem;
+use crate::problem::{Problem, Subject};
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
@@ -159,6 +160,11 @@ impl<'a> Boundaries<'a> {
             .iter()
             .find(|(other, _)| *other == boundary)
             .is_none_or(|(_, then)| distance < *then * CLOSER)
+            && match boundary {
+                // A prior keeps it near.
+                Boundary::Infinity(landmark) => !has_prior(self.problem, landmark),
+                Boundary::View(_) => true,
+            }
     }
 
     /// Moves the landmark of the candidate onto its boundary; `false` when there is no candidate.
@@ -224,8 +230,16 @@ impl<'a> Boundaries<'a> {
         let slope = match boundary {
             Boundary::View(k) => {
                 let ray = self.ray(bundle, k);
-                seen.map(|&k| &adjustment.rows.sightings[k])
-                    .fold(0.0, |sum, row| sum + row.gradient.dot(&ray) * row.residual)
+                let rows = &adjustment.rows;
+                let seen = seen.map(|&k| &rows.sightings[k]);
+                let of_sightings: f64 = seen.map(|row| row.gradient.dot(&ray) * row.residual).sum();
+                let known = rows.priors.iter();
+                let of_priors: f64 = known
+                    .filter(|row| row.first.0 == Subject::Landmark(landmark))
+                    .flat_map(|row| row.first.1.iter().zip(row.residual))
+                    .map(|(slope, residual)| (slope[0] * ray.x + slope[1] * ray.y) * residual)
+                    .sum();
+                of_sightings + of_priors
             }
             Boundary::Infinity(_) => {
                 let (middle, _) = middle(bundle);

@@ -8,10 +8,12 @@
 use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
 use super::cholesky;
+use super::gauge::gauge_directions;
+use super::prior_rows::{PriorRow, has_prior};
 use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
 use crate::lm::{BearingRow, Termination};
-use crate::problem::Problem;
+use crate::problem::{Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{UnitComplex, Vector2, Vector3};
@@ -129,7 +131,16 @@ impl<'a> Newton<'a> {
     }
 
     /// Forms the matrices and the gradient.
-    fn assemble(&mut self, bundle: &Bundle, rows: &[BearingRow]) {
+    fn assemble(&mut self, bundle: &Bundle, rows: &Rows) {
+        self.add_up(rows);
+        self.stiffen_gauge(bundle);
+        for (curved, normal) in self.curved.iter_mut().zip(&self.normal) {
+            *curved += *normal;
+        }
+    }
+
+    /// The matrices without the stiffness, `curved` with the second derivatives of the residuals alone, and the gradient.
+    fn add_up(&mut self, rows: &Rows) {
         let size = self.gradient.len();
         for matrix in [&mut self.normal, &mut self.curved] {
             matrix.resize(size * size, 0.0);
@@ -138,6 +149,15 @@ impl<'a> Newton<'a> {
             }
         }
         self.gradient.fill(0.0);
+        self.add_sightings(&rows.sightings);
+        for row in &rows.priors {
+            self.add_prior(row);
+        }
+    }
+
+    /// Adds the sightings to matrices and gradient.
+    fn add_sightings(&mut self, rows: &[BearingRow]) {
+        let size = self.gradient.len();
         for (s, row) in self.problem.sightings().iter().zip(rows) {
             let p = 3 * s.view;
             let [gx, gy]: [f64; 2] = row.gradient.into();
@@ -172,11 +192,31 @@ impl<'a> Newton<'a> {
                 }
             }
         }
-        self.stiffen_gauge(bundle);
-        for i in 0..size {
-            let row = i * size..=i * size + i;
-            for (curved, normal) in self.curved[row.clone()].iter_mut().zip(&self.normal[row]) {
-                *curved += *normal;
+    }
+
+    /// Adds odometry or a prior to the normal matrix and the gradient; of the second derivatives only a motion has any,
+    /// which are small where odometry is good.
+    fn add_prior(&mut self, row: &PriorRow) {
+        let size = self.gradient.len();
+        let ends = [Some(row.first), row.second].into_iter().flatten();
+        let ends = ends.map(|(subject, jacobian)| match subject {
+            Subject::View(view) => (3 * view, 3, jacobian),
+            Subject::Landmark(landmark) => match self.columns[landmark] {
+                NewtonColumn::Point(place) | NewtonColumn::View(place) => (place, 2, jacobian),
+                // A landmark with a prior is never at infinity.
+                NewtonColumn::Direction(place) => (place, 0, jacobian),
+            },
+        });
+        let parameters: Vec<(usize, [f64; 3])> = ends
+            .flat_map(|(place, width, jacobian)| {
+                (0..width).map(move |c| (place + c, jacobian.map(|row| row[c])))
+            })
+            .collect();
+        let product = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        for &(i, slope) in &parameters {
+            self.gradient[i] += product(slope, row.residual);
+            for &(j, other) in parameters.iter().filter(|(j, _)| *j <= i) {
+                self.normal[i * size + j] += product(slope, other);
             }
         }
     }
@@ -197,34 +237,32 @@ impl<'a> Newton<'a> {
         }
     }
 
-    /// Translations, rotation and scaling of views and landmarks, as directions in parameter space.
-    fn gauge(&self, bundle: &Bundle) -> [Vec<f64>; 4] {
-        let mut directions = [(); 4].map(|()| vec![0.0; self.gradient.len()]);
-        let mut add = |place: usize, position: &Vector2<f64>| {
-            directions[0][place] = 1.0;
-            directions[1][place + 1] = 1.0;
-            directions[2][place] = -position.y;
-            directions[2][place + 1] = position.x;
-            directions[3][place] = position.x;
-            directions[3][place + 1] = position.y;
-        };
-        for (view, pose) in bundle.poses.iter().enumerate() {
-            add(3 * view, &pose.translation.vector);
-        }
-        for (column, point) in self.columns.iter().zip(&bundle.landmarks) {
-            if let NewtonColumn::Point(place) = *column {
-                add(place, &point.coords);
+    /// The directions of the gauge that odometry and priors leave free, as directions in parameter space.
+    fn gauge(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
+        let mut finite = bundle.clone();
+        for (column, point) in self.columns.iter().zip(&mut finite.landmarks) {
+            if let NewtonColumn::Direction(_) = column {
+                *point = bundle.poses[0].translation.vector.into();
             }
         }
-        for view in 0..bundle.poses.len() {
-            directions[2][3 * view + 2] = 1.0;
-        }
-        for column in &self.columns {
-            if let NewtonColumn::Direction(place) = *column {
-                directions[2][place] = 1.0;
+        let views = 3 * bundle.poses.len();
+        let directions = gauge_directions(self.problem, &finite).into_iter();
+        let numbered = directions.map(|all| {
+            let mut direction = vec![0.0; self.gradient.len()];
+            direction[..views].copy_from_slice(&all[..views]);
+            for (column, point) in self.columns.iter().zip(all[views..].chunks_exact(2)) {
+                match *column {
+                    NewtonColumn::Point(place) => {
+                        direction[place..place + 2].copy_from_slice(point)
+                    }
+                    // It turns as headings do.
+                    NewtonColumn::Direction(place) => direction[place] = all[2],
+                    NewtonColumn::View(_) => {}
+                }
             }
-        }
-        directions
+            direction
+        });
+        numbered.collect()
     }
 
     /// Solves for the step with the Hessian (`curved`) or the normal matrix, damped. Returns the predicted decrease of
@@ -284,7 +322,7 @@ impl StepSolver for Newton<'_> {
         damping: f64,
         result: &mut Bundle,
     ) -> Option<f64> {
-        self.assemble(bundle, &rows.sightings);
+        self.assemble(bundle, rows);
         let predicted = self
             .solve_with(damping, true)
             .or_else(|| self.solve_with(damping, false))?;
@@ -294,6 +332,7 @@ impl StepSolver for Newton<'_> {
 
     fn moves_landmark(&self, landmark: usize) -> bool {
         matches!(self.columns[landmark], NewtonColumn::Point(_))
+            && !has_prior(self.problem, landmark)
     }
 
     fn keeps_refused_damping(&self) -> bool {
@@ -311,6 +350,7 @@ mod tests {
     use crate::geometry::points::horizon;
     use crate::geometry::pose;
     use crate::lm::Loss;
+    use crate::problem::{LandmarkPrior, Noise, Odometry, PosePrior};
     use nalgebra::Point2;
 
     /// Three views and three landmarks: one on a view, one at infinity, one in the plane.
@@ -335,63 +375,92 @@ mod tests {
     #[test]
     fn second_derivatives_are_differences_of_the_gradient() {
         let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
-        let problem = Problem::dense(3, 3, &bearings, 0.5).unwrap();
-        let (bundle, mut newton) = setting(&problem);
-        let mut rows = Rows::of(&problem);
-        let gradient = |newton: &mut Newton<'_>, bundle: &Bundle| {
+        let alone = Problem::dense(3, 3, &bearings, 0.5).unwrap();
+        let (bundle, _) = setting(&alone);
+        let sigmas = Noise::Sigmas([0.3, 0.2, 0.1]);
+        // Where the motion is exact it has no second derivatives.
+        let motion = Odometry {
+            start: 2,
+            end: 1,
+            delta: bundle.poses[2].inv_mul(&bundle.poses[1]),
+            noise: sigmas,
+        };
+        let posed = PosePrior {
+            view: 0,
+            pose: pose(0.4, -0.1, 0.2),
+            noise: sigmas,
+        };
+        let known = [0, 1].map(|landmark| LandmarkPrior {
+            landmark,
+            position: Point2::new(1.2, 0.3),
+            noise: Noise::Sigmas([0.3, 0.4]),
+        });
+        let tied = alone.clone().with_odometry(&[motion]).unwrap();
+        let tied = tied.with_pose_priors(&[posed]).unwrap();
+        for problem in [alone, tied.with_landmark_priors(&known).unwrap()] {
+            let (bundle, mut newton) = setting(&problem);
             let mut rows = Rows::of(&problem);
             bundle.linearize(&problem, Loss::Squared, &mut rows);
-            newton.assemble(bundle, &rows.sightings);
-            newton.gradient.clone()
-        };
-        bundle.linearize(&problem, Loss::Squared, &mut rows);
-        newton.assemble(&bundle, &rows.sightings);
-        let size = newton.gradient.len();
-        assert_eq!(size, 9 + 2 + 1);
-        let mut curved = newton.curved.clone();
-        // The stiffness of the gauge in the Hessian is that in the normal matrix.
-        let trace: f64 = {
-            let plain: f64 = rows
-                .sightings
-                .iter()
-                .zip(problem.sightings())
-                .filter(|(_, s)| newton.columns[s.landmark] != NewtonColumn::View(3 * s.view))
-                .map(|(row, s)| {
-                    let square = row.gradient.norm_squared();
-                    let last = match newton.columns[s.landmark] {
-                        NewtonColumn::Direction(_) => row.weight * row.weight,
-                        _ => square,
-                    };
-                    square + row.weight * row.weight + last
-                })
-                .sum();
-            plain
-        };
-        for direction in newton.gauge(&bundle) {
-            let square: f64 = direction.iter().map(|d| d * d).sum();
-            let stiffness = trace / (size as f64 * square);
-            for i in 0..size {
-                for j in 0..=i {
-                    curved[i * size + j] -= direction[i] * direction[j] * stiffness;
+            newton.add_up(&rows);
+            let size = newton.gradient.len();
+            assert_eq!(size, 9 + 2 + 1);
+            let both = newton.curved.iter().zip(&newton.normal);
+            let curved: Vec<f64> = both.map(|(curved, normal)| curved + normal).collect();
+            let step = 1e-6;
+            for parameter in 0..size {
+                let sides = [-step, step].map(|length| {
+                    newton.delta = vec![0.0; size];
+                    newton.delta[parameter] = length;
+                    let mut moved = bundle.clone();
+                    newton.apply(&bundle, &mut moved);
+                    moved.linearize(&problem, Loss::Squared, &mut rows);
+                    newton.add_up(&rows);
+                    newton.gradient.clone()
+                });
+                for other in 0..size {
+                    let difference = (sides[1][other] - sides[0][other]) / (2.0 * step);
+                    let entry = curved[parameter.max(other) * size + parameter.min(other)];
+                    assert!(
+                        (difference - entry).abs() < 1e-5 * (1.0 + entry.abs()),
+                        "{parameter} {other}: {difference} {entry}"
+                    );
                 }
             }
         }
-        let step = 1e-6;
-        for parameter in 0..size {
-            let sides = [-step, step].map(|length| {
-                newton.delta = vec![0.0; size];
-                newton.delta[parameter] = length;
-                let mut moved = bundle.clone();
-                newton.apply(&bundle, &mut moved);
-                gradient(&mut newton, &moved)
-            });
-            for other in 0..size {
-                let difference = (sides[1][other] - sides[0][other]) / (2.0 * step);
-                let entry = curved[parameter.max(other) * size + parameter.min(other)];
-                assert!(
-                    (difference - entry).abs() < 1e-5 * (1.0 + entry.abs()),
-                    "{parameter} {other}: {difference} {entry}"
-                );
+    }
+
+    /// No residual changes along what is stiffened, with a landmark at infinity and one on a view.
+    #[test]
+    fn only_the_free_gauge_is_stiffened() {
+        let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
+        let alone = Problem::dense(3, 3, &bearings, 0.5).unwrap();
+        let known = LandmarkPrior {
+            landmark: 0,
+            position: Point2::new(1.2, 0.3),
+            noise: Noise::Sigmas([0.3, 0.4]),
+        };
+        let known = alone.clone().with_landmark_priors(&[known]).unwrap();
+        for (problem, free) in [(alone, 4), (known, 2)] {
+            let (bundle, mut newton) = setting(&problem);
+            let mut rows = Rows::of(&problem);
+            bundle.linearize(&problem, Loss::Squared, &mut rows);
+            newton.add_up(&rows);
+            let directions = newton.gauge(&bundle);
+            assert_eq!(directions.len(), free);
+            let size = newton.gradient.len();
+            for direction in directions {
+                let slope: f64 = direction
+                    .iter()
+                    .zip(&newton.gradient)
+                    .map(|(d, g)| d * g)
+                    .sum();
+                // A landmark at infinity is far, but not that far.
+                assert!(slope.abs() < 1e-4, "{slope:e}");
+                for i in 0..size {
+                    let row = (0..size).map(|j| newton.normal[i.max(j) * size + i.min(j)]);
+                    let product: f64 = row.zip(&direction).map(|(entry, d)| entry * d).sum();
+                    assert!(product.abs() < 1e-4, "{i}: {product:e}");
+                }
             }
         }
     }

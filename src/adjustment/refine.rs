@@ -185,11 +185,10 @@ pub fn is_sparse(problem: &Problem) -> bool {
 /// Minimises by the sparse normal equations.
 fn minimize_sparse(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
     let mut normal = Normal::new(adjustment.problem).ok_or(Error::OutOfMemory)?;
-    adjustment.run(&mut normal, adjustment.options.max_iterations)
+    minimize_by(adjustment, &mut normal)
 }
 
-/// Minimises with blocks of size `E` eliminated and blocks of size `K` kept; small problems that do not converge
-/// soon continue with Newton's method.
+/// Minimises with blocks of size `E` eliminated and blocks of size `K` kept.
 fn minimize_reduced<const E: usize, const K: usize>(
     adjustment: &mut BundleAdjustment<'_, '_>,
 ) -> Result<Termination, Error>
@@ -197,12 +196,21 @@ where
     for<'x> GroupedSightings<'x>: Grouped<E, K>,
     (Vec<SVector<f64, K>>, Vec<SVector<f64, E>>): Step,
 {
-    let problem = adjustment.problem;
     let mut reduced = Reduced {
-        problem,
+        problem: adjustment.problem,
         schur: Schur::new(),
         step: (Vec::new(), Vec::new()),
     };
+    minimize_by(adjustment, &mut reduced)
+}
+
+/// Minimises by Gauss-Newton steps; small problems that do not converge soon, or only at a boundary, continue with
+/// Newton's method.
+fn minimize_by(
+    adjustment: &mut BundleAdjustment<'_, '_>,
+    solver: &mut impl StepSolver,
+) -> Result<Termination, Error> {
+    let problem = adjustment.problem;
     let limit = adjustment.options.max_iterations;
     let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
     let squared = adjustment.options.loss == Loss::Squared;
@@ -212,7 +220,7 @@ where
     } else {
         limit
     };
-    match adjustment.run(&mut reduced, first)? {
+    match adjustment.run(solver, first)? {
         Termination::MaxIterations if first < limit => newton::finish(adjustment),
         Termination::Converged if newton && boundary::near_boundary(adjustment) => {
             newton::finish(adjustment)

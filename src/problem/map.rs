@@ -127,6 +127,18 @@ impl Map {
         problem.restrict(&views, &landmarks)
     }
 
+    /// Whether this map has all views of another.
+    pub(crate) fn has_views_of(&self, other: &Self) -> bool {
+        let mut pairs = self.poses.iter().zip(&other.poses);
+        pairs.all(|(here, there)| here.is_some() || there.is_none())
+    }
+
+    /// Whether two maps have no view in common.
+    pub(crate) fn is_apart_from(&self, other: &Self) -> bool {
+        let mut pairs = self.poses.iter().zip(&other.poses);
+        pairs.all(|(here, there)| here.is_none() || there.is_none())
+    }
+
     /// The map with what another in the same frame has beyond it.
     pub(crate) fn united(&self, other: &Self) -> Self {
         let mut map = self.clone();

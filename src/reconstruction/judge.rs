@@ -310,8 +310,8 @@ pub fn size(map: &Map) -> f64 {
     if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
 }
 
-/// What makes maps comparable that do not explain the same sightings: the cost of each, with a price for every number
-/// that it does not explain.
+/// What makes maps comparable that do not explain the same sightings: the cost of each with its components, and a price
+/// for every number that these do not explain.
 ///
 /// The price is the cost of a residual three times as large as that of an outlier in units of the noise, so that a
 /// complete map wins over one that leaves something out unless it explains that very badly. The noise is that of the best fit of those maps that have
@@ -337,8 +337,13 @@ pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOption
         .iter()
         .zip(numbers)
         .map(|(found, numbers)| {
-            let unexplained = found.residuals.iter().filter(|residual| residual.is_none());
-            found.cost + each * (unexplained.count() + all - numbers) as f64
+            let parts = || core::iter::once(found).chain(&found.components);
+            let unexplained = (0..found.residuals.len())
+                .filter(|&k| parts().all(|part| part.residuals[k].is_none()));
+            // Of each component, a similarity is not.
+            let ties = 4 * found.components.len();
+            let cost: f64 = parts().map(|part| part.cost).sum();
+            cost + each * (unexplained.count() + ties + all - numbers) as f64
         })
         .collect()
 }
@@ -435,5 +440,21 @@ mod tests {
                 assert_eq!(chosen.residuals[7].is_some(), is_whole, "{variance} {more}");
             }
         }
+    }
+
+    /// Sightings that a component explains are as good as those of the map, but for what ties the two.
+    #[test]
+    fn components_count_as_explained() {
+        let (problem, whole) = setting();
+        let mut part = whole.clone();
+        let far = 40;
+        part.residuals[far..].fill(None);
+        let mut component = whole.clone();
+        component.residuals[..far].fill(None);
+        component.cost = 0.0;
+        let mut apart = part.clone();
+        apart.components.push(component);
+        let prices = prices(&problem, &[whole, part, apart], &JudgeOptions::default());
+        assert!(prices[0] < prices[2] && prices[2] < prices[1], "{prices:?}");
     }
 }

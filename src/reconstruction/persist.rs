@@ -6,7 +6,7 @@ use super::incremental::complete::place_all;
 use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
-use super::judge::{choose, is_incomplete, is_too_costly};
+use super::judge::{choose, is_incomplete, is_too_costly, prices};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
@@ -86,8 +86,9 @@ fn persist(
     choose(problem, found, judge)
 }
 
-/// The best map after changes: more places of its landmarks than a search tries, where there are few views parts of it
-/// grown again while it is too costly, and what it leaves out placed by a sweep over headings.
+/// The best map after changes: more places of its landmarks and views than a search tries, where there are few views
+/// parts of it grown again while it is too costly or leaves something out, and what it still leaves out placed by a sweep
+/// over headings.
 fn mended(
     problem: &Problem,
     options: &SolveOptions,
@@ -96,19 +97,35 @@ fn mended(
 ) -> Result<Reconstruction, Error> {
     let judge = &options.stages.judge;
     let mut thorough = *options;
-    thorough.stages.landmark_moves.tried = options.stages.landmark_moves.persistent_tried;
-    let components = core::mem::take(&mut best.components);
+    thorough.stages.moves.tried = options.stages.moves.persistent_tried;
+    let before = best.clone();
+    let mut components = core::mem::take(&mut best.components);
     best = moved(problem, best, &thorough, progress)?;
     if problem.views() <= judge.persistent_views {
-        let enough =
-            |found: &Reconstruction| !is_too_costly(problem, found, judge.plausible_deviations);
+        let apart = |found: &Reconstruction| {
+            let mut components = components.iter();
+            components.any(|other| !found.map.has_views_of(&other.map))
+        };
+        let enough = |found: &Reconstruction| {
+            !(is_too_costly(problem, found, judge.plausible_deviations)
+                || is_incomplete(found)
+                || apart(found))
+        };
         best = regrow(problem, best, enough, options, progress)?;
         if components.is_empty() && is_incomplete(&best) {
             best = place_by_headings(problem, best, options, progress)?;
         }
     }
+    components.retain(|other| best.map.is_apart_from(&other.map));
     best.attach(components);
-    Ok(best)
+    let both = [before, best];
+    let prices = prices(problem, &both, judge);
+    let [before, after] = both;
+    Ok(if prices[1] <= prices[0] {
+        after
+    } else {
+        before
+    })
 }
 
 /// A map refined; `None` when it cannot be.

@@ -4,8 +4,8 @@
 pub(crate) mod first_three;
 pub(crate) mod four_landmarks;
 pub(crate) mod hypotheses;
-pub(crate) mod landmark_moves;
 pub(crate) mod minima;
+pub(crate) mod moves;
 pub(crate) mod options;
 pub(crate) mod plain;
 pub(crate) mod tensor_circle;

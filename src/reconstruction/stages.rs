@@ -18,7 +18,7 @@ use super::odometry::options::{
     RobustGrowthOptions, StrideOptions,
 };
 use super::robust::options::{RegrowthOptions, RobustOptions};
-use super::search::options::{DrawOptions, HypothesisOptions, LandmarkMoveOptions, MinimaOptions};
+use super::search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};
 use super::sight::SightOptions;
 
 /// The thresholds, counts and tolerances of the stages of a reconstruction.
@@ -52,7 +52,7 @@ pub struct StageOptions {
     /// How far hypotheses are refined.
     pub minima: MinimaOptions,
     /// Which alternative positions of landmarks are tried.
-    pub landmark_moves: LandmarkMoveOptions,
+    pub moves: MoveOptions,
     /// Growth view by view, for limited sight and [`Strategy::Incremental`](crate::Strategy::Incremental).
     pub incremental: IncrementalOptions,
     /// Which triples the global method uses.

@@ -54,7 +54,8 @@ fn rows_of_the_table_from_bearings_alone() {
 
 /// From noisy bearings alone, with their standard deviation stated or estimated from the residuals. Two rows
 /// have no redundancy to estimate the noise from, so it must be stated. With three views on a line or four
-/// landmarks on a circle two maps merge, which noise may separate.
+/// landmarks on a circle two maps merge, which noise may separate; with everything on one line it may bend the map, which
+/// then has other errors.
 #[test]
 fn rows_of_the_table_with_noise() {
     let mut missed = Vec::new();
@@ -86,6 +87,7 @@ fn rows_of_the_table_with_noise() {
                 *name,
                 "three_collinear_views"
                     | "four_landmarks_on_a_circle"
+                    | "everything_on_one_line"
                     | "lines_of_views_and_of_landmarks"
             ),
             "{missed:?}"

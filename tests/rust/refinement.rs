@@ -3,7 +3,8 @@
 
 use crate::common::{LAYOUTS, error, problem, scene, truth};
 use bearslam::{
-    Error, Layout, Map, Problem, RefineOptions, Sighting, Termination, refine, refine_map,
+    Error, Layout, Map, Noise, PosePrior, Problem, RefineOptions, Sighting, Termination, refine,
+    refine_map,
 };
 
 /// The truth, shifted and turned by some centimetres and degrees.
@@ -311,6 +312,40 @@ fn a_landmark_that_moves_onto_a_view_gets_there() {
         let other = refine(&problem, &guess(&scene, 0.02), &options, None).unwrap();
         assert!((other.cost / found.cost - 1.0).abs() < 1e-6, "{seed}");
     }
+}
+
+/// Positions that are known do not keep a landmark off a view; from there the descent goes on to the minimum.
+#[test]
+fn a_moves_onto_a_view_of_known_position() {
+    let mut moved = 0;
+    for seed in 0..400 {
+        let scene = scene(Layout::Mixed, 4, 9, 1.5, seed);
+        let known = scene
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(view, pose)| PosePrior {
+                view,
+                pose: *pose,
+                noise: Noise::Sigmas([0.05, 0.05, f64::INFINITY]),
+            });
+        let known: Vec<PosePrior> = known.collect();
+        let problem = problem(&scene).with_pose_priors(&known).unwrap();
+        let options = RefineOptions::default();
+        let found = refine(&problem, &truth(&scene), &options, None).unwrap();
+        if smallest_range(&found.map) < 1e-6 {
+            moved += 1;
+            assert!(found.termination.was_successful(), "{seed}");
+            let other = refine(&problem, &guess(&scene, 0.02), &options, None).unwrap();
+            assert!(
+                (other.cost / found.cost - 1.0).abs() < 1e-6,
+                "{seed}: {} {}",
+                found.cost,
+                other.cost
+            );
+        }
+    }
+    assert!(moved > 3, "{moved}");
 }
 
 #[test]

@@ -17,8 +17,8 @@ use alloc::vec::Vec;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Removes parts of a map that fit badly and grows them again by least squares, until it is `enough` or so many tries in
-/// a row have not lowered the cost.
+/// Removes parts of a map that fit badly, or are next to what it leaves out, and grows them again by least squares, until
+/// the map is `enough` or so many tries in a row have not made it better.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -38,9 +38,13 @@ pub fn regrow(
             return Err(Error::Interrupted);
         }
         failed += 1;
-        let Some(center) = drawn_by_misfit(problem, &best.map, &mut random) else {
-            break;
+        let border = border(problem, &best.map);
+        let center = if border.is_empty() || random.random::<f64>() < 0.5 {
+            drawn_by_misfit(problem, &best.map, &mut random)
+        } else {
+            Some(border[random.random_range(0..border.len())])
         };
+        let Some(center) = center else { break };
         let views = random.random_range(1..=stage.regrown_views.max(1));
         let part = without_part(problem, &best.map, center, views);
         let places = LeastSquaresPlaces::new(problem, stage, &options.refine);
@@ -63,6 +67,20 @@ pub fn regrow(
         };
     }
     Ok(best)
+}
+
+/// The views of a map that see a landmark which views that are not in it see, too.
+fn border(problem: &Problem, map: &Map) -> Vec<usize> {
+    let mut wanted = vec![false; problem.landmarks()];
+    for s in problem.sightings() {
+        wanted[s.landmark] |= map.poses[s.view].is_none();
+    }
+    let sees = |view: &usize| problem.of_view(*view).iter().any(|s| wanted[s.landmark]);
+    let views = 0..problem.views();
+    views
+        .filter(|view| map.poses[*view].is_some())
+        .filter(sees)
+        .collect()
 }
 
 /// A view, drawn with the probability of its share of the cost.
@@ -112,4 +130,46 @@ pub fn without_part(problem: &Problem, map: &Map, center: usize, views: usize) -
         }
     }
     map
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::reconstruction::judge::is_incomplete;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Views that a map leaves out are reached by growing again what is next to them.
+    #[test]
+    fn what_is_left_out_is_reached() {
+        let arena = Arena {
+            sight: 2.0,
+            ..Arena::default()
+        };
+        let sigma = 0.002;
+        let scene = simulate(Layout::Trajectory, 20, 40, sigma, 3, arena).unwrap();
+        let problem = Problem::dense(20, 40, &scene.bearings, sigma).unwrap();
+        let options = SolveOptions::default();
+        let refined = |mut map: Map| {
+            let report = refine_map(&problem, &mut map, &options.refine, None).unwrap();
+            Reconstruction::new(&problem, &map, report)
+        };
+        let whole = refined(scene.map());
+        let mut part = whole.map.clone();
+        part.poses[..6].fill(None);
+        for landmark in 0..problem.landmarks() {
+            if part.rays(&problem, landmark).count() < 2 {
+                part.landmarks[landmark] = None;
+            }
+        }
+        let next = border(&problem, &part);
+        assert!(!next.is_empty() && next.len() < 14, "{next:?}");
+        assert!(next.iter().all(|&view| view >= 6));
+        let part = refined(part);
+        assert!(is_incomplete(&part));
+        let enough = |found: &Reconstruction| !is_incomplete(found);
+        let found = regrow(&problem, part, enough, &options, &mut None).unwrap();
+        assert_eq!(found.undetermined, whole.undetermined);
+        assert!(found.cost < whole.cost * (1.0 + 1e-5));
+    }
 }

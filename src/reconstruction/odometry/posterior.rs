@@ -19,8 +19,8 @@ use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::robust::motions::Motions;
 use super::super::robust::solve::{check_sigmas, solve_robust};
-use super::super::search::landmark_moves::moved_landmarks;
-use super::super::search::options::LandmarkMoveOptions;
+use super::super::search::moves::moved_maps;
+use super::super::search::options::MoveOptions;
 use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
 use super::complete::complete;
@@ -108,11 +108,12 @@ pub fn solve_posterior(
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut maps = Vec::from([best]);
     for start in &starts {
-        if maps.iter().all(|found| are_apart(&found.map, start)) {
+        if maps.iter().all(|found| found.map.is_apart_from(start)) {
             attempts.refine_fitted(start)?;
             // Completed, a map may reach views of another.
             let found = attempts.found.drain(..);
-            let apart = |one: &Reconstruction| maps.iter().all(|map| are_apart(&map.map, &one.map));
+            let apart =
+                |one: &Reconstruction| maps.iter().all(|map| map.map.is_apart_from(&one.map));
             let others: Vec<_> = found.filter(apart).collect();
             maps.extend(others);
         }
@@ -254,7 +255,7 @@ impl Attempts<'_, '_> {
         let mut best = choose(self.problem, found, &stages.judge)?;
         let rivals = core::mem::take(&mut best.alternatives);
         if !self.many {
-            best = self.with_landmarks_moved(best)?;
+            best = self.with_moves(best)?;
             if is_incomplete(&best) {
                 best = place_by_headings(self.problem, best, self.options, self.progress)?;
             }
@@ -266,31 +267,28 @@ impl Attempts<'_, '_> {
         Ok(Some(choose(self.problem, found, &stages.judge)?))
     }
 
-    /// A map with single landmarks in other places, as long as that makes it better.
-    fn with_landmarks_moved(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
-        let StageOptions {
-            landmark_moves,
-            judge,
-            ..
-        } = &self.options.stages;
-        for _ in 0..landmark_moves.rounds {
+    /// A map with single landmarks and views in other places, as long as that makes it better.
+    fn with_moves(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
+        let StageOptions { moves, judge, .. } = &self.options.stages;
+        for _ in 0..moves.rounds {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
             }
             let size = size(&best.map);
-            let moves = LandmarkMoveOptions {
-                off: landmark_moves.off * size,
-                away: landmark_moves.away * size,
-                ..*landmark_moves
+            let moves = MoveOptions {
+                off: moves.off * size,
+                away: moves.away * size,
+                ..*moves
             };
             let tried = if is_too_costly(self.problem, &best, judge.costly_deviations) {
                 moves.persistent_tried
             } else {
                 moves.tried
             };
-            let moved = moved_landmarks(self.problem, &best.map, variance(&best).max(1.0), &moves);
+            let variance = variance(&best).max(1.0);
+            let moved = moved_maps(self.problem, &best.map, variance, tried, &moves);
             let mut lower = false;
-            for map in moved.into_iter().take(tried) {
+            for map in moved {
                 let found = self.refined(&map, moves.iterations)?;
                 if let Some(found) = found
                     && found.undetermined.len() <= best.undetermined.len()
@@ -345,10 +343,4 @@ impl Attempts<'_, '_> {
         }
         Ok(())
     }
-}
-
-/// Whether two maps have no view in common.
-fn are_apart(a: &Map, b: &Map) -> bool {
-    let mut pairs = a.poses.iter().zip(&b.poses);
-    pairs.all(|(a, b)| a.is_none() || b.is_none())
 }

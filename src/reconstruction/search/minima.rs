@@ -13,8 +13,8 @@ use super::super::result::Reconstruction;
 use super::super::stages::StageOptions;
 use super::four_landmarks::{along_wall, twin};
 use super::hypotheses::Hypothesis;
-use super::landmark_moves::moved_landmarks;
-use super::options::LandmarkMoveOptions;
+use super::moves::moved_maps;
+use super::options::MoveOptions;
 use crate::adjustment::refine_map;
 use crate::error::{Degeneracy, Error};
 use crate::lm::{RefineOptions, Termination};
@@ -191,11 +191,11 @@ impl<'a, 'p> Minima<'a, 'p> {
             .any(|(found, _)| found.termination == Termination::ZeroResidual)
     }
 
-    /// Tries single landmarks of the best minimum in other places, as long as that lowers the cost.
+    /// Tries single landmarks and views of the best minimum in other places, as long as that lowers the cost.
     ///
     /// # Errors
     /// As [`Minima::try_out`].
-    pub fn move_landmarks(&mut self, options: &LandmarkMoveOptions) -> Result<(), Error> {
+    pub fn try_moves(&mut self, options: &MoveOptions) -> Result<(), Error> {
         let known = self.minima.len();
         for _ in 0..options.rounds {
             let Some(best) = self.lowest() else { break };
@@ -203,10 +203,11 @@ impl<'a, 'p> Minima<'a, 'p> {
                 break;
             }
             let cost = best.cost;
-            let maps = moved_landmarks(self.problem, &best.map, variance(best), options);
-            let total = maps.len().min(options.tried);
+            let variance = variance(best);
+            let maps = moved_maps(self.problem, &best.map, variance, options.tried, options);
+            let total = maps.len();
             let mut lower = false;
-            for (done, map) in maps.into_iter().take(total).enumerate() {
+            for (done, map) in maps.into_iter().enumerate() {
                 let iterations = self.refine.max_iterations.min(options.iterations);
                 let Some(found) = self.refine(map, iterations, 0, (done, total))? else {
                     continue;

@@ -79,13 +79,13 @@ impl Default for MinimaOptions {
     }
 }
 
-/// Options of alternative positions of landmarks. Lengths are in sizes of the map: root-mean-square distance of the
-/// views.
+/// Options of alternative positions of single landmarks and views. Lengths are in sizes of the map: root-mean-square
+/// distance of the views.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
-pub struct LandmarkMoveOptions {
-    /// A position is worth a refinement when the cost there, with the views held fixed, is higher by at most this many
+pub struct MoveOptions {
+    /// A position is worth a refinement when the cost there, with all else held fixed, is higher by at most this many
     /// times the variance of the residuals. Not sensitive.
     pub worth: f64,
     /// The same where the views see less than `partial` of the landmarks on average: a landmark of few sightings moves its
@@ -94,12 +94,12 @@ pub struct LandmarkMoveOptions {
     pub partial_worth: f64,
     /// What part of the landmarks that is.
     pub partial: f64,
-    /// Distance from a view at which a landmark starts, and minimum distance of a start from the present position. Not
+    /// Distance at which a landmark starts from the view that it moves onto, or the reverse, and minimum distance of a start from the present position. Not
     /// sensitive.
     pub off: f64,
     /// Distance at which a landmark that may be at infinity starts. Not sensitive.
     pub away: f64,
-    /// Alternative positions that are tried in a round. Not sensitive.
+    /// Alternative positions that are tried in a round: so many of landmarks and so many of views. Not sensitive.
     pub tried: usize,
     /// The same where the best map fits worse than the stated standard deviations allow, or leaves something out.
     pub persistent_tried: usize,
@@ -110,7 +110,7 @@ pub struct LandmarkMoveOptions {
     pub iterations: usize,
 }
 
-impl Default for LandmarkMoveOptions {
+impl Default for MoveOptions {
     fn default() -> Self {
         Self {
             worth: 10.0,

@@ -54,7 +54,7 @@ pub fn lowest(
             minima.add_twin()?;
         }
     }
-    minima.move_landmarks(&options.stages.landmark_moves)?;
+    minima.try_moves(&options.stages.moves)?;
     best_of(problem, minima, &options.stages)
 }
 
@@ -75,7 +75,7 @@ pub fn from_map(
     best_of(problem, minima, &options.stages)
 }
 
-/// The best minimum that moves of single landmarks lead to from this one.
+/// The best minimum that moves of single landmarks and views lead to from this one.
 ///
 /// # Errors
 /// [`Error::Interrupted`] and [`Error::OutOfMemory`].
@@ -87,7 +87,7 @@ pub fn moved(
 ) -> Result<Reconstruction, Error> {
     let mut minima = Minima::new(problem, options, progress);
     minima.add(found);
-    minima.move_landmarks(&options.stages.landmark_moves)?;
+    minima.try_moves(&options.stages.moves)?;
     best_of(problem, minima, &options.stages)
 }
 

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Changes of a minimum that may lead to a lower one: one landmark in another place, or one view on a landmark.
+//!
+//! With the views held fixed, the cost of one landmark may have several minima: at a view, at infinity, and in between;
+//! with the landmarks held fixed, that of a view at each landmark that it sees. Two minima of the whole often differ in
+//! one such position and little else, and no hypothesis that is linear in the landmarks distinguishes them.
+
+use super::super::sight::filled;
+use super::options::MoveOptions;
+use crate::geometry::Pose;
+use crate::kernels::triangulate;
+use crate::problem::{IndexedSighting, Map, Problem};
+use alloc::vec::Vec;
+use nalgebra::{Complex, Point2, UnitComplex, Vector2};
+
+/// A change, and by how much it raises the cost of what it moves, all else held fixed and without the sighting that
+/// something moves onto.
+struct Move {
+    excess: f64,
+    to: Place,
+}
+
+/// Where a landmark or a view starts.
+enum Place {
+    Landmark(usize, Point2<f64>),
+    View(usize, Pose<f64>),
+}
+
+/// Maps that differ from a minimum in one landmark or in one view, in turns: of each at most so many, the most promising
+/// first.
+///
+/// `variance` is that of the residuals over sigma.
+pub fn moved_maps(
+    problem: &Problem,
+    map: &Map,
+    variance: f64,
+    tried: usize,
+    options: &MoveOptions,
+) -> Vec<Map> {
+    let worth = if filled(problem) < options.partial {
+        options.partial_worth
+    } else {
+        options.worth
+    };
+    let slack = worth * variance;
+    let kinds = [
+        moves_of_landmarks(problem, map, slack, options),
+        moves_of_views(problem, map, slack, options),
+    ];
+    let kinds = kinds.map(|mut moves| {
+        moves.sort_by(|a, b| a.excess.total_cmp(&b.excess));
+        moves
+    });
+    let in_turns = (0..tried).flat_map(|k| kinds.iter().filter_map(move |moves| moves.get(k)));
+    let changed = in_turns.map(|one| {
+        let mut map = map.clone();
+        match one.to {
+            Place::Landmark(landmark, point) => map.landmarks[landmark] = Some(point),
+            Place::View(view, pose) => map.poses[view] = Some(pose),
+        }
+        map
+    });
+    changed.collect()
+}
+
+/// Landmarks on the views that see them, far out, and where their rays meet best, with the nearest view and without.
+fn moves_of_landmarks(
+    problem: &Problem,
+    map: &Map,
+    slack: f64,
+    options: &MoveOptions,
+) -> Vec<Move> {
+    let MoveOptions { off, away, .. } = *options;
+    let mut moves = Vec::new();
+    for (landmark, point) in map.landmarks.iter().enumerate() {
+        let Some(point) = point else { continue };
+        let rays = map.rays(problem, landmark);
+        let cost = |place: &Point2<f64>, but: Option<usize>, bound: f64| {
+            let rays = rays.clone().filter(|(_, s)| Some(s.view) != but);
+            let residuals = rays.map(|(pose, s)| problem.residual(&pose, place, s) * s.weight);
+            half_squares(residuals, bound)
+        };
+        let Some(now) = cost(point, None, f64::INFINITY) else {
+            continue;
+        };
+        let mut add = |place: Point2<f64>, but: Option<usize>, begin: Point2<f64>| {
+            if let Some(there) = cost(&place, but, now + slack)
+                && (begin - point).norm() > off
+            {
+                moves.push(Move {
+                    excess: there - now,
+                    to: Place::Landmark(landmark, begin),
+                });
+            }
+        };
+        let mut direction = Vector2::zeros();
+        let mut nearest = (f64::INFINITY, None);
+        for (pose, s) in rays.clone() {
+            let ray = ray(&pose.rotation, s);
+            let view = Point2::from(pose.translation.vector);
+            direction += ray;
+            add(view, Some(s.view), view + ray * off);
+            let range = (point - view).norm_squared();
+            if range < nearest.0 {
+                nearest = (range, Some(s.view));
+            }
+        }
+        let far = Point2::from(direction * (away / direction.norm()));
+        add(Point2::from(far.coords * away), None, far);
+        for but in [None, nearest.1] {
+            let rays = rays.clone().filter(|(_, s)| Some(s.view) != but);
+            if let Ok(found) = triangulate(rays.map(|(pose, s)| (pose, s.bearing))) {
+                add(found.point, but, found.point);
+            }
+        }
+    }
+    moves
+}
+
+/// Views on the landmarks that they see, with the heading that the others give them on average.
+fn moves_of_views(problem: &Problem, map: &Map, slack: f64, options: &MoveOptions) -> Vec<Move> {
+    let oriented = problem.is_oriented();
+    let mut moves = Vec::new();
+    for (view, pose) in map.poses.iter().enumerate() {
+        let Some(pose) = pose else { continue };
+        let seen = map.seen(problem, view);
+        let cost = |pose: &Pose<f64>, but: Option<usize>, bound: f64| {
+            let seen = seen.clone().filter(|(_, s)| Some(s.landmark) != but);
+            let residuals = seen.map(|(point, s)| problem.residual(pose, &point, s) * s.weight);
+            half_squares(residuals, bound)
+        };
+        let Some(now) = cost(pose, None, f64::INFINITY) else {
+            continue;
+        };
+        for (place, on) in seen.clone() {
+            let mut heading = Complex::new(0.0, 0.0);
+            for (point, s) in seen.clone().filter(|(_, s)| s.landmark != on.landmark) {
+                let toward = (point - place).normalize();
+                let turn = Complex::new(toward.x, toward.y) * s.bearing.into_inner().conj();
+                // Modulo pi the mean is that of the doubled angles.
+                heading += if oriented { turn } else { turn * turn };
+            }
+            let mean = UnitComplex::new_normalize(heading);
+            // None where its landmarks are in one place.
+            if !mean.re.is_finite() {
+                continue;
+            }
+            let rotation = if oriented {
+                mean
+            } else {
+                UnitComplex::new(mean.angle() * 0.5)
+            };
+            let begin = place - ray(&rotation, on) * options.off;
+            let there = Pose::from_parts(begin.into(), rotation);
+            if (begin.coords - pose.translation.vector).norm() > options.off
+                && let Some(cost) = cost(&there, Some(on.landmark), now + slack)
+            {
+                moves.push(Move {
+                    excess: cost - now,
+                    to: Place::View(view, there),
+                });
+            }
+        }
+    }
+    moves
+}
+
+/// Direction of a measured bearing in the map.
+fn ray(rotation: &UnitComplex<f64>, sighting: &IndexedSighting) -> Vector2<f64> {
+    let ray = rotation.into_inner() * sighting.bearing.into_inner();
+    Vector2::new(ray.re, ray.im)
+}
+
+/// Half the sum of the squares; `None` as soon as it exceeds the bound.
+fn half_squares(residuals: impl Iterator<Item = f64>, bound: f64) -> Option<f64> {
+    let mut sum = 0.0;
+    for residual in residuals {
+        sum += residual * residual * 0.5;
+        if sum > bound {
+            return None;
+        }
+    }
+    Some(sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A view that stands on a landmark is put back there from another place, with its heading, also modulo pi.
+    #[test]
+    fn a_view_is_put_on_its_landmark() {
+        let arena = Arena::default();
+        let scene = simulate(Layout::Mixed, 5, 9, 0.0, 2, arena).unwrap();
+        let mut truth = scene.map();
+        let pose = scene.poses[3];
+        let step = Vector2::new(1e-9, 2e-9);
+        truth.landmarks[4] = Some(Point2::from(pose.translation.vector + step));
+        let mut bearings = scene.bearings;
+        for (view, pose) in scene.poses.iter().enumerate() {
+            let bearing = crate::geometry::bearing_to(pose, &truth.landmarks[4].unwrap());
+            bearings[view * 9 + 4] = bearing.unwrap().angle();
+        }
+        let problem = Problem::dense(5, 9, &bearings, 0.01).unwrap();
+        for problem in [problem.clone(), problem.unoriented()] {
+            let mut map = truth.clone();
+            let moved = pose * crate::geometry::pose(0.4, -0.3, 0.2);
+            map.poses[3] = Some(moved);
+            let options = MoveOptions::default();
+            let maps = moved_maps(&problem, &map, 1.0, 1, &options);
+            let views = maps.iter().filter_map(|map| map.poses[3]);
+            let found: Vec<Pose<f64>> = views.filter(|pose| *pose != moved).collect();
+            assert_eq!(found.len(), 1);
+            let turn = (found[0].rotation * pose.rotation.inverse()).angle();
+            let turn = if problem.is_oriented() {
+                turn
+            } else {
+                (2.0 * turn).sin()
+            };
+            let away = found[0].translation.vector - pose.translation.vector;
+            assert!(turn.abs() < 1e-6, "{turn:e}");
+            assert!((away.norm() - options.off).abs() < 1e-6, "{away}");
+        }
+    }
+}
