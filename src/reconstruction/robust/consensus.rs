@@ -13,7 +13,7 @@ use crate::adjustment::gauge::in_reported_frame;
 use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
 use crate::geometry::Pose;
-use crate::lm::{Loss, RefineOptions};
+use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -133,6 +133,9 @@ fn refined(
 
 /// The fixed point that a set of inliers leads to.
 ///
+/// Only of a set that stays the same is the map refined to the end: slow maps would take all their iterations for every
+/// set on the way.
+///
 /// `None` when they do not determine a map.
 ///
 /// # Errors
@@ -143,19 +146,24 @@ pub fn fixed_point(
     mut kept: Vec<bool>,
     options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for _ in 0..options.stages.robust.inlier_changes {
+    let robust = &options.stages.robust;
+    let mut changes = 0;
+    let mut iterations = robust.changing_iterations;
+    while changes < robust.inlier_changes {
         let subset = problem.subset(&kept);
-        let Some(report) = refined(
-            &subset,
-            &mut map,
-            options.stages.robust.finished_iterations,
-            options,
-        )?
-        else {
+        let Some(report) = refined(&subset, &mut map, iterations, options)? else {
             return Ok(None);
         };
         let next = inliers(problem, &map, OUTLIER);
-        if next == kept {
+        if next != kept {
+            kept = next;
+            changes += 1;
+            iterations = robust.changing_iterations;
+        } else if report.termination == Termination::MaxIterations
+            && iterations < robust.finished_iterations
+        {
+            iterations = robust.finished_iterations;
+        } else {
             return Ok(Some(Consensus {
                 cost: cost(problem, &map, OUTLIER),
                 map,
@@ -163,7 +171,6 @@ pub fn fixed_point(
                 report,
             }));
         }
-        kept = next;
     }
     Ok(None)
 }
