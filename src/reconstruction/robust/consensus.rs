@@ -70,6 +70,27 @@ pub fn square(
     residual * residual
 }
 
+/// The same, or infinity for a sighting that is beyond `bound` standard deviations: mostly without an arctangent.
+#[inline]
+pub fn square_within(
+    problem: &Problem,
+    seen: &IndexedSighting,
+    pose: &Pose<f64>,
+    point: &Point2<f64>,
+    bound: f64,
+) -> f64 {
+    let turned = Problem::along_and_across(pose, point, seen);
+    let across = turned.y * seen.weight;
+    // No angle is smaller than its sine.
+    if across * across > (bound * bound) * turned.norm_squared() * BEYOND_ROUNDING {
+        return f64::INFINITY;
+    }
+    square(problem, seen, pose, point)
+}
+
+/// A factor far beyond rounding, and far below any difference of squares that matters.
+const BEYOND_ROUNDING: f64 = 1.0 + 1e-12;
+
 /// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
 pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = Option<f64>> + 'a {
     problem
@@ -248,5 +269,37 @@ impl Consensus {
     pub fn is_same(&self, other: &Self, problem: &Problem, judge: &JudgeOptions) -> bool {
         let [a, b] = [self, other].map(|one| in_reported_frame(problem, &one.map));
         self.inliers == other.inliers && same(&a, &b, judge)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+
+    /// From every direction, with rays and with lines.
+    #[test]
+    fn squares_within_a_bound_are_squares() {
+        let rays = Problem::dense(1, 1, &[0.7], 0.1).unwrap();
+        let lines = rays.clone().unoriented();
+        let view = pose(0.4, -0.2, 1.1);
+        for problem in [rays, lines] {
+            let seen = &problem.sightings()[0];
+            let (mut told, mut left) = (0, 0);
+            for k in 0..720 {
+                let turned = f64::from(k).to_radians() * 0.5;
+                let point = Point2::new(0.4 + 3.0 * turned.cos(), -0.2 + 3.0 * turned.sin());
+                let square = square(&problem, seen, &view, &point);
+                let found = square_within(&problem, seen, &view, &point, OUTLIER);
+                if square <= OUTLIER * OUTLIER {
+                    assert_eq!(found, square);
+                    left += 1;
+                } else {
+                    assert!(found > OUTLIER * OUTLIER);
+                    told += usize::from(found == f64::INFINITY);
+                }
+            }
+            assert!(told > 400 && left > 60, "{told} {left}");
+        }
     }
 }
