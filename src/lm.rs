@@ -8,10 +8,12 @@ mod bearing_residual;
 mod loss;
 mod minimize;
 mod options;
+mod prediction;
 mod termination;
 
 pub use bearing_residual::{BearingRow, LandmarkNormal, Ray, SightingModel, optimize_landmark};
 pub use loss::{LOSS_WIDTHS, Loss};
 pub use minimize::{LeastSquares, Outcome, Trial, minimize, rounding};
 pub use options::{Observer, RefineOptions, ZERO_PIVOT_EPS};
+pub use prediction::Prediction;
 pub use termination::Termination;

@@ -12,7 +12,7 @@ use super::gauge::gauge_directions;
 use super::prior_rows::{PriorRow, has_prior};
 use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
-use crate::lm::{BearingRow, Termination};
+use crate::lm::{BearingRow, Prediction, Termination};
 use crate::problem::{Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -265,9 +265,9 @@ impl<'a> Newton<'a> {
         numbered.collect()
     }
 
-    /// Solves for the step with the Hessian (`curved`) or the normal matrix, damped. Returns the predicted decrease of
-    /// the cost; `None` when the matrix is not positive definite.
-    fn solve_with(&mut self, damping: f64, curved: bool) -> Option<f64> {
+    /// Solves for the step with the Hessian (`curved`) or the normal matrix, damped. Returns what that model predicts;
+    /// `None` when the matrix is not positive definite.
+    fn solve_with(&mut self, damping: f64, curved: bool) -> Option<Prediction<f64>> {
         let size = self.gradient.len();
         let matrix = if curved { &self.curved } else { &self.normal };
         self.factor.resize(size * size, 0.0);
@@ -284,12 +284,13 @@ impl<'a> Newton<'a> {
         self.delta.clear();
         self.delta.extend(self.gradient.iter().map(|g| -*g));
         cholesky::solve(&self.factor, &mut self.delta);
-        let mut predicted = 0.0;
+        let (mut left, mut slope) = (0.0, 0.0);
         for (k, (&d, &g)) in self.delta.iter().zip(&self.gradient).enumerate() {
-            predicted += d * (damping * self.normal[k * size + k] * d - g);
+            left += d * damping * self.normal[k * size + k] * d;
+            slope -= d * g;
         }
-        let predicted = predicted * 0.5;
-        predicted.is_finite().then_some(predicted)
+        let predicted = Prediction::new(left, slope - left);
+        predicted.gain.is_finite().then_some(predicted)
     }
 
     /// The bundle after the step that has been solved for.
@@ -321,7 +322,7 @@ impl StepSolver for Newton<'_> {
         rows: &Rows,
         damping: f64,
         result: &mut Bundle,
-    ) -> Option<f64> {
+    ) -> Option<Prediction<f64>> {
         self.assemble(bundle, rows);
         let predicted = self
             .solve_with(damping, true)

@@ -10,7 +10,7 @@ use super::gauge::{anchors, gauge_directions};
 use super::prior_rows::PriorRow;
 use super::sparse::SparseCholesky;
 use super::step_solver::StepSolver;
-use crate::lm::BearingRow;
+use crate::lm::{BearingRow, Prediction};
 use crate::problem::{Prior, Problem, Subject};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -287,7 +287,7 @@ impl StepSolver for Normal<'_> {
         rows: &Rows,
         damping: f64,
         result: &mut Bundle,
-    ) -> Option<f64> {
+    ) -> Option<Prediction<f64>> {
         self.assemble(rows, &gauge_directions(self.problem, bundle));
         if !self.factorize(damping) {
             return None;
@@ -296,12 +296,13 @@ impl StepSolver for Normal<'_> {
         delta.clear();
         delta.extend(self.gradient.iter().map(|slope| -slope));
         Self::solve(self, &mut delta);
-        let mut predicted = 0.0;
-        for (parameter, (&d, &slope)) in delta.iter().zip(&self.gradient).enumerate() {
-            predicted += d * (damping * self.diagonal(parameter) * d - slope);
+        let (mut left, mut slope) = (0.0, 0.0);
+        for (parameter, (&d, &gradient)) in delta.iter().zip(&self.gradient).enumerate() {
+            left += d * damping * self.diagonal(parameter) * d;
+            slope -= d * gradient;
         }
         for &parameter in &self.anchors {
-            predicted += delta[parameter] * delta[parameter] * self.diagonal(parameter);
+            left += delta[parameter] * delta[parameter] * self.diagonal(parameter);
         }
         let (poses, landmarks) = delta.split_at(3 * bundle.poses.len());
         let poses: Vec<_> = poses
@@ -314,7 +315,8 @@ impl StepSolver for Normal<'_> {
             .collect();
         bundle.step(&poses, &landmarks, result);
         self.delta = delta;
-        predicted.is_finite().then_some(predicted * 0.5)
+        let predicted = Prediction::new(left, slope - left);
+        predicted.gain.is_finite().then_some(predicted)
     }
 
     fn moves_landmark(&self, landmark: usize) -> bool {

@@ -10,7 +10,7 @@ use super::prior_rows::linearize;
 use super::schur::{Grouped, Schur};
 use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
-use crate::lm::{Loss, Observer, RefineOptions, Termination};
+use crate::lm::{Loss, Observer, Prediction, RefineOptions, Termination};
 use crate::problem::{Map, Problem, Undetermined};
 use alloc::vec::Vec;
 use nalgebra::{SVector, Vector2, Vector3};
@@ -248,7 +248,7 @@ where
         rows: &Rows,
         damping: f64,
         result: &mut Bundle,
-    ) -> Option<f64> {
+    ) -> Option<Prediction<f64>> {
         let grouped = GroupedSightings {
             problem: self.problem,
             rows: &rows.sightings,
@@ -256,15 +256,10 @@ where
         if !self.schur.factorize(&grouped, damping, &gauge::<K>(bundle)) {
             return None;
         }
-        let cost = rows
-            .sightings
-            .iter()
-            .fold(0.0, |sum, row| sum + row.residual * row.residual)
-            * 0.5;
         let (kept, gone) = &mut self.step;
-        let left = self.schur.solve(&grouped, kept, gone);
+        let predicted = self.schur.solve(&grouped, kept, gone);
         self.step.apply(bundle, result);
-        Some(cost - left)
+        Some(predicted)
     }
 }
 

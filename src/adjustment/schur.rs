@@ -7,6 +7,7 @@
 
 use super::block::{EliminatedBlock, dot};
 use super::cholesky;
+use crate::lm::Prediction;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, SVector};
 
@@ -267,13 +268,13 @@ impl<const E: usize, const K: usize> Schur<E, K> {
 
     /// Solves for the step of the kept blocks and, group by group, of the eliminated ones.
     ///
-    /// Returns half the sum of squared residuals that the linear model predicts after the step.
+    /// Returns what the linear model predicts of the step.
     pub fn solve(
         &mut self,
         grouped: &impl Grouped<E, K>,
         kept: &mut Vec<SVector<f64, K>>,
         gone: &mut Vec<SVector<f64, E>>,
-    ) -> f64 {
+    ) -> Prediction<f64> {
         cholesky::solve(self.matrix.as_slice(), &mut self.step);
         kept.clear();
         kept.extend(
@@ -282,7 +283,7 @@ impl<const E: usize, const K: usize> Schur<E, K> {
                 .map(SVector::<f64, K>::from_column_slice),
         );
         gone.clear();
-        let mut model = 0.0;
+        let (mut left, mut curvature) = (0.0, 0.0);
         for group in 0..grouped.groups() {
             let mut gradient = [0.0; E];
             for slot in grouped.group(group) {
@@ -295,11 +296,13 @@ impl<const E: usize, const K: usize> Schur<E, K> {
             let step = block.backward(block.forward(gradient));
             for slot in grouped.group(group) {
                 let residual = self.after_step(&slot) + dot(&slot.gone, &step);
-                model += residual * residual;
+                let decrease = slot.residual - residual;
+                left += decrease * residual;
+                curvature += decrease * decrease;
             }
             gone.push(SVector::from(step));
         }
-        model * 0.5
+        Prediction::new(left, curvature)
     }
 
     /// The residual after the step of the kept blocks.

@@ -3,22 +3,23 @@
 
 use super::bundle::{Bundle, Rows};
 use crate::error::Error;
-use crate::lm::{LeastSquares, Observer, RefineOptions, Termination, Trial, minimize, rounding};
+use crate::lm::{
+    LeastSquares, Observer, Prediction, RefineOptions, Termination, Trial, minimize, rounding,
+};
 use crate::problem::Problem;
 
 /// A solver for the steps of a bundle.
 pub trait StepSolver {
     /// Solves for the step at a damping and writes the bundle after it into `result`.
     ///
-    /// Returns the decrease of the cost that the model predicts; `None` when the system is not positive
-    /// definite.
+    /// Returns what the model predicts of it; `None` when the system is not positive definite.
     fn solve(
         &mut self,
         bundle: &Bundle,
         rows: &Rows,
         damping: f64,
         result: &mut Bundle,
-    ) -> Option<f64>;
+    ) -> Option<Prediction<f64>>;
 
     /// Whether a landmark may be optimised by itself after a step.
     fn moves_landmark(&self, _landmark: usize) -> bool {

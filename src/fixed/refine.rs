@@ -7,8 +7,8 @@ use crate::geometry::Pose;
 use crate::geometry::points::{unit, within_horizon};
 use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 use crate::lm::{
-    BearingRow, LandmarkNormal, LeastSquares, Outcome, Ray, RefineOptions, SightingModel, Trial,
-    minimize, optimize_landmark, rounding,
+    BearingRow, LandmarkNormal, LeastSquares, Outcome, Prediction, Ray, RefineOptions,
+    SightingModel, Trial, minimize, optimize_landmark, rounding,
 };
 use crate::scalar::Real;
 use nalgebra::{Point2, Translation2, UnitComplex, Vector2};
@@ -254,11 +254,11 @@ impl<T: Real, const M: usize, const N: usize> LeastSquares<T> for FixedBundle<'_
         for (to, (pose, step)) in workspace.poses.iter_mut().zip(steps) {
             *to = pose.as_ref().map(|pose| moved(pose, step));
         }
-        let (mut cost, mut squares, mut linear) = (T::zero(), T::zero(), T::zero());
+        let (mut cost, mut left, mut curvature) = (T::zero(), T::zero(), T::zero());
         let landmarks = map.landmarks.iter().zip(&map.sightings).enumerate();
         for (landmark, (point, seen)) in landmarks {
             let stepped = point.as_ref().zip(workspace.step_of_landmark(landmark));
-            let Some((point, (step, [before, after]))) = stepped else {
+            let Some((point, (step, [slope, bend]))) = stepped else {
                 continue;
             };
             let rows = workspace.rows.get_mut(landmark);
@@ -273,15 +273,15 @@ impl<T: Real, const M: usize, const N: usize> LeastSquares<T> for FixedBundle<'_
                 }
                 *place = Some(best);
                 cost += loss;
-                squares += before;
-                linear += after;
+                left += slope;
+                curvature += bend;
             }
         }
         let half = T::lit(0.5);
         self.trial_cost = cost * half;
         Some(Trial {
             cost: self.trial_cost,
-            predicted: squares * half - linear * half,
+            predicted: Prediction::new(left, curvature),
         })
     }
 

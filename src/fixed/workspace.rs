@@ -228,8 +228,8 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
         }
     }
 
-    /// The step of one landmark after that of the poses, and the sum of squared residuals before the step and,
-    /// as predicted by the linear model, after it.
+    /// The step of one landmark after that of the poses, and what its residuals add, as the linear model predicts them
+    /// after the step, to the two numbers of a [`Prediction`](crate::lm::Prediction::new).
     #[inline]
     pub(super) fn step_of_landmark(&self, landmark: usize) -> Option<(Vector2<T>, [T; 2])> {
         let (rows, factor) = (self.rows.get(landmark)?, self.points.get(landmark)?);
@@ -246,13 +246,14 @@ impl<T: Real, const M: usize, const N: usize> Workspace<T, M, N> {
             }
         }
         let by = factor.backward(factor.forward(gradient));
-        let (mut before, mut after) = (T::zero(), T::zero());
+        let (mut left, mut curvature) = (T::zero(), T::zero());
         for (row, step) in rows.iter().zip(&self.step) {
-            before += row.residual * row.residual;
             let residual = moved(row, step) + dot(&row.landmark(), &by);
-            after += residual * residual;
+            let decrease = row.residual - residual;
+            left += decrease * residual;
+            curvature += decrease * decrease;
         }
-        Some((Vector2::from(by), [before, after]))
+        Some((Vector2::from(by), [left, curvature]))
     }
 }
 

@@ -21,8 +21,9 @@
 //! | gains nothing, or cannot be solved for | rejected | grows tenfold |
 //!
 //! The descent has converged when a gain, or the predicted next one, is below the tolerance, or when the
-//! model predicts no more than that. It has not converged if a gain grows while the damping shrinks, or if the
-//! damping has grown, because the damping then still limits the step.
+//! model predicts no more than that. It has not converged if a gain grows while the damping shrinks, if the
+//! damping has grown, or if the model promises more of a longer step in the same direction, because the damping
+//! then still limits the step.
 //!
 //! The loop is independent of poses, landmarks and matrices, which belong to a [`LeastSquares`] problem. It
 //! uses no heap and cannot panic.
@@ -35,6 +36,7 @@ use super::options::{
     LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RESOLVED_EPS,
     RefineOptions, ZERO_RESIDUAL_EPS,
 };
+use super::prediction::Prediction;
 use super::termination::Termination;
 use crate::error::Error;
 use crate::scalar::Real;
@@ -77,7 +79,7 @@ pub struct Trial<T: Real> {
     /// Its cost.
     pub cost: T,
     /// The decrease of the cost that the model predicts.
-    pub predicted: T,
+    pub predicted: Prediction<T>,
 }
 
 /// The result of a minimisation.
@@ -139,7 +141,7 @@ pub fn minimize<T: Real>(
                 problem.accept();
                 let limited = resolved && is_limited(damping, last_damping);
                 last_damping = damping;
-                let ratio = gained / predicted;
+                let ratio = gained / predicted.gain;
                 // Near the minimum each gain is a small and shrinking fraction of the one before, so that
                 // the remaining gain is about the next one. Far from it the first gains say nothing of the last.
                 let rate = gained / last_gain;
@@ -150,8 +152,13 @@ pub fn minimize<T: Real>(
                     gained
                 };
                 // A poor step may gain little where a better one would gain much.
-                let poor = resolved && ratio < T::lit(POOR_STEP) && predicted > tolerance * cost;
-                if left <= tolerance * cost && gained <= last_gain && !limited && !poor {
+                let poor =
+                    resolved && ratio < T::lit(POOR_STEP) && predicted.gain > tolerance * cost;
+                let held_back = resolved && predicted.held_back > tolerance * cost;
+                if left <= tolerance * cost
+                    && gained <= last_gain
+                    && !(limited || poor || held_back)
+                {
                     break Termination::Converged;
                 }
                 if problem.wants_pause() {
@@ -175,8 +182,10 @@ pub fn minimize<T: Real>(
                 continue;
             }
             Some(trial)
-                if trial.predicted <= tolerance * cost
-                    && !(resolved && is_limited(damping, last_damping)) =>
+                if trial.predicted.gain <= tolerance * cost
+                    && !(resolved
+                        && (is_limited(damping, last_damping)
+                            || trial.predicted.held_back > tolerance * cost)) =>
             {
                 break Termination::Converged;
             }
@@ -267,10 +276,13 @@ mod tests {
             let dx = (xy * gy - dyy * gx) / determinant;
             let dy = (xy * gx - dxx * gy) / determinant;
             self.trial = [x + dx, y + dy];
-            let linear = [a - 20.0 * x * dx + 10.0 * dy, b - dx];
+            let change = [-20.0 * x * dx + 10.0 * dy, -dx];
+            let [after_a, after_b] = [a + change[0], b + change[1]];
+            let left = -(change[0] * after_a + change[1] * after_b);
+            let curvature = change[0] * change[0] + change[1] * change[1];
             Some(Trial {
                 cost: Self::cost_at(self.trial),
-                predicted: self.cost() - 0.5 * (linear[0] * linear[0] + linear[1] * linear[1]),
+                predicted: Prediction::new(left, curvature),
             })
         }
 
@@ -361,6 +373,7 @@ mod tests {
         cost: f64,
         steps: &'static [(f64, f64)],
         gain: f64,
+        held_back: f64,
     }
 
     impl LeastSquares<f64> for Script {
@@ -371,8 +384,14 @@ mod tests {
         fn try_step(&mut self, _: f64) -> Option<Trial<f64>> {
             let (&(gain, predicted), left) = self.steps.split_first().unwrap_or((&(0.0, 0.0), &[]));
             (self.gain, self.steps) = (gain, left);
-            let cost = self.cost - gain;
-            Some(Trial { cost, predicted })
+            let predicted = Prediction {
+                gain: predicted,
+                held_back: self.held_back,
+            };
+            Some(Trial {
+                cost: self.cost - gain,
+                predicted,
+            })
         }
 
         fn accept(&mut self) {
@@ -387,10 +406,21 @@ mod tests {
     }
 
     fn iterations(cost: f64, steps: &'static [(f64, f64)], damping: f64) -> (Termination, usize) {
+        held_back(0.0, cost, steps, damping)
+    }
+
+    /// As many, where each step leaves this much to a longer one.
+    fn held_back(
+        held_back: f64,
+        cost: f64,
+        steps: &'static [(f64, f64)],
+        damping: f64,
+    ) -> (Termination, usize) {
         let mut script = Script {
             cost,
             steps,
             gain: 0.0,
+            held_back,
         };
         let options = RefineOptions {
             damping,
@@ -407,6 +437,8 @@ mod tests {
         assert_eq!(iterations(1.0, TWO, 1e-4), (Termination::Converged, 2));
         // Under damping that limits it the next may gain much.
         assert!(iterations(1.0, TWO, 1e3).1 > 3);
+        // So may a longer step in the same direction, says the model.
+        assert!(held_back(1e-3, 1.0, TWO, 1e-4).1 > 3);
         // After a rejected step the damping has risen.
         const RAISED: &[(f64, f64)] = &[
             (0.1, 0.1),

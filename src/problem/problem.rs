@@ -10,7 +10,7 @@ use crate::geometry::{Pose, signed_angle};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 /// All observations, validated on construction: sightings, sorted by view and then landmark, odometry and
 /// priors.
@@ -260,8 +260,7 @@ impl Problem {
         point: &Point2<f64>,
         s: &IndexedSighting,
     ) -> f64 {
-        let seen = pose.inverse_transform_point(point);
-        let turned = s.bearing.inverse_transform_vector(&seen.coords);
+        let turned = Self::along_and_across(pose, point, s);
         // A landmark exactly on its view has no bearing, and no residual.
         if turned.x == 0.0 && turned.y == 0.0 {
             return 0.0;
@@ -271,6 +270,17 @@ impl Problem {
         } else {
             signed_angle(-turned.x, -turned.y)
         }
+    }
+
+    /// Where a landmark is as its view sees it: along the measured bearing, and across it to the left.
+    #[inline]
+    pub(crate) fn along_and_across(
+        pose: &Pose<f64>,
+        point: &Point2<f64>,
+        s: &IndexedSighting,
+    ) -> Vector2<f64> {
+        let seen = pose.inverse_transform_point(point);
+        s.bearing.inverse_transform_vector(&seen.coords)
     }
 
     /// The sightings of a view.

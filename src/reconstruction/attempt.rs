@@ -43,7 +43,7 @@ pub fn recoverable<T>(result: Result<T, Error>) -> Result<Result<T, Error>, Erro
 /// among them; its alternatives and components stay.
 ///
 /// One that no step lowers is refined anew as well, in the frame of the report: where a free scale has shrunk, steps were
-/// lost in rounding.
+/// lost in rounding. A map stays as it is where the descent from landmarks put back far out ends higher.
 ///
 /// # Errors
 /// Those that stop everything, as [`recoverable`].
@@ -74,7 +74,8 @@ pub fn converged(
         };
         let mut refined = Reconstruction::new(problem, &map, report);
         let lower = refined.cost < found.cost * SAME_COST;
-        if stuck && !lower {
+        let higher = found.cost < refined.cost * SAME_COST;
+        if higher || (stuck && !lower) {
             return Ok(found);
         }
         refined.iterations += used;

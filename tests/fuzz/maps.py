@@ -220,21 +220,25 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
     sliding = ~np.isin(request.landmark[known], given_places)
     if distance[sliding].max(initial=0.0) > NEAR * measure.extent(result.poses) > 0:
         return
-    gain = minimum.gain(request, result, given, LEAST)
+    gain = minimum.gain(request, result, LEAST)
     # Where standard deviations are tiny, rounding costs more than that.
     bearings, priors = (
         measure.cost_of_bearings(request, given, rounding),
         measure.cost_of_priors(request, result.poses, result.landmarks),
     )
     if gain > LEAST and gain * result.cost > bearings[1] + priors[1]:
-        yield "minimum", f"converged ({result.termination}), but one more step promises {gain:.1%} of {result.cost!r}"
+        lower = minimum.decrease(request, result, LEAST)
+        if lower >= LEAST:
+            yield "minimum", f"converged ({result.termination}), but steps lower the cost {result.cost!r} by {lower:.1%}"
 
 
-def _reach(result: Any, without: Sequence[int] = ()) -> float:
-    """Distance of the farthest view or landmark from the middle of the map over the median distance, its size."""
+def _reach(result: Any, views: Sequence[int] = (), landmarks: Sequence[int] = ()) -> float:
+    """Distance of the farthest from the middle of the map over the median distance, its size, but for these views and
+    landmarks."""
     places = np.concatenate([result.poses[:, :2], result.landmarks])
     counted = np.ones(len(places), dtype=bool)
-    counted[len(result.poses) + np.asarray(without, dtype=int)] = False
+    counted[np.asarray(views, dtype=int)] = False
+    counted[len(result.poses) + np.asarray(landmarks, dtype=int)] = False
     known = ~np.isnan(places[:, 0])
     places, counted = places[known], counted[known]
     distance = np.hypot(*(places - np.median(places, axis=0)).T)
@@ -250,7 +254,10 @@ def _sane(request: Request, result: Any, given: Any, inliers: Any) -> Iterator[F
             yield "collapsed", f"most of {len(known)} views are in one place, rms {result.rms:.3g}"
             return
     given_places = [place[0] for kind, place, _, _ in request.priors if kind == "landmark"]
-    if result.rms > 1e-9 and (reach := _reach(result, given_places)) > FAR:
+    # Where priors know the position of a view it stays, however far.
+    poses = [(place[0], root) for kind, place, _, root in request.priors if kind == "pose"]
+    given_views = [view for view, root in poses if root[:, 0].any() and root[:, 1].any()]
+    if result.rms > 1e-9 and (reach := _reach(result, given_views, given_places)) > FAR:
         yield "far", f"a view or landmark is {reach:.1e} map sizes away, not listed"
     if request.oriented:
         free = np.setdiff1d(np.flatnonzero(np.isfinite(result.landmarks[:, 0])), given_places)

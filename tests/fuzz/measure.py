@@ -159,11 +159,25 @@ def cost_of_priors(request: Request, poses: Any, landmarks: Any) -> tuple[float,
         if not np.isfinite(error).all():
             continue
         used = root != 0
-        white = np.where(used, root * np.where(used, error, 0.0), 0.0).sum(axis=1)
+        square = _square(root, error)
         each = (np.abs(root) * np.where(used, rounding, 0.0)).sum(axis=1)
-        total += float(white @ white) / 2
-        slack += float((2 * np.abs(white) + each) @ each) / 2
+        total += square / 2
+        slack += float((2 * np.abs(_whitened(root, error)) + each) @ each) / 2
+        # A half turn is one to the left or to the right, which with a correlation are not the same.
+        if len(error) == 3 and np.pi - abs(error[2]) <= rounding[2]:
+            other = error - [0.0, 0.0, np.copysign(2 * np.pi, error[2])]
+            slack += abs(_square(root, other) - square) / 2
     return total, slack
+
+
+def _whitened(root: Any, error: Any) -> Any:
+    used = root != 0
+    return np.where(used, root * np.where(used, error, 0.0), 0.0).sum(axis=1)
+
+
+def _square(root: Any, error: Any) -> float:
+    white = _whitened(root, error)
+    return float(white @ white)
 
 
 def _error(kind: str, place: tuple[int, ...], value: Any, poses: Any, landmarks: Any) -> tuple[Any, Any]:

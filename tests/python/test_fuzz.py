@@ -7,13 +7,13 @@ import time
 
 import numpy as np
 import pytest
-from tests.fuzz import calls, inputs, kept, maps, measure, runner, shrink, worker
+from tests.fuzz import calls, inputs, kept, maps, measure, minimum, runner, shrink, worker
 from tests.fuzz.ledger import Ledger, merged
 
 import bearslam
 
 SECONDS, SEEDS = 30.0, 2000
-OPEN = {522: "minimum"}
+OPEN: dict[int, str] = {}
 """Seeds below these with a fault that is known and not yet mended."""
 
 
@@ -100,6 +100,32 @@ def test_a_wrong_prior_is_found(solved):
     kind, place, value, root = request.priors[0]
     moved = dataclasses.replace(request, priors=[(kind, place, value + 1.0, root), *request.priors[1:]])
     assert "cost" in {found for found, _ in maps.check(moved, result, refined=True)}
+
+
+def test_a_map_that_is_no_minimum_is_found(solved):
+    request, result = solved
+    assert minimum.decrease(request, result, maps.LEAST) < maps.LEAST
+    given = seed_of("refine", "start", without=("loss", "oriented"))
+    given.arguments["refinement"] = {"max_iterations": 1}
+    request, result = measure.Request.of(given.arguments, joint=True), calls.call(given, 1)
+    assert "minimum" not in {kind for kind, _ in maps.check(request, result, refined=True)}
+    early = dataclasses.replace(result, converged=True, termination="converged")
+    assert "minimum" in {kind for kind, _ in maps.check(request, early, refined=True)}
+    assert minimum.decrease(request, result, 1.0) <= minimum.gain(request, result, 0.0) + 1.0
+
+
+def test_a_half_turn_costs_one_of_two():
+    root = np.linalg.inv(np.linalg.cholesky([[1.0, 0.2, 0.3], [0.2, 1.0, 0.1], [0.3, 0.1, 0.5]]))
+    costs = []
+    for half in (np.pi, -np.pi + 1e-15, np.pi - 1e-3):
+        prior = ("pose", (0,), np.array([1.0, 2.0, -half]), root)
+        table = {"bearings": np.array([[0.1]])}
+        request = dataclasses.replace(measure.Request.of(table, joint=True), priors=[prior])
+        costs.append(measure.cost_of_priors(request, np.zeros((1, 3)), np.zeros((1, 2))))
+    (left, loose), (right, _), (_, tight) = costs
+    assert abs(left - right) > 0.1
+    assert np.isclose(loose, abs(left - right), rtol=1e-9)
+    assert tight < 1e-9
 
 
 def test_other_exceptions_are_faults(monkeypatch):

@@ -379,6 +379,25 @@ fn random_bearings_have_no_consensus() {
 }
 
 /// Under limited sight the map grows view by view, and what it agrees with by chance is no map either.
+/// A search without success takes a time that hardly grows with the views.
+#[test]
+fn many_views_are_searched_in_fewer_rounds() {
+    let rounds_of = |views: usize| {
+        let scene = simulate(Layout::Mixed, views, 8, sigma(), 3, Arena::default()).unwrap();
+        let mut rounds = 0;
+        let mut progress = |stage: &str, _: usize, total: usize| {
+            if stage == "search" {
+                rounds = total;
+            }
+            rounds == 0
+        };
+        let stopped = solve(&problem(&scene), &options(), Some(&mut progress));
+        assert_eq!(stopped.unwrap_err(), Error::Interrupted);
+        rounds
+    };
+    assert_eq!([5, 20, 40].map(rounds_of), [24, 24, 12]);
+}
+
 #[test]
 fn random_bearings_under_limited_sight_have_no_consensus() {
     let arena = Arena {

@@ -13,7 +13,7 @@ use crate::adjustment::gauge::in_reported_frame;
 use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
 use crate::geometry::Pose;
-use crate::lm::{Loss, RefineOptions};
+use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{IndexedSighting, Map, Problem};
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -69,6 +69,27 @@ pub fn square(
     let residual = problem.residual(pose, point, seen) * seen.weight;
     residual * residual
 }
+
+/// The same, or infinity for a sighting that is beyond `bound` standard deviations: mostly without an arctangent.
+#[inline]
+pub fn square_within(
+    problem: &Problem,
+    seen: &IndexedSighting,
+    pose: &Pose<f64>,
+    point: &Point2<f64>,
+    bound: f64,
+) -> f64 {
+    let turned = Problem::along_and_across(pose, point, seen);
+    let across = turned.y * seen.weight;
+    // No angle is smaller than its sine.
+    if across * across > (bound * bound) * turned.norm_squared() * BEYOND_ROUNDING {
+        return f64::INFINITY;
+    }
+    square(problem, seen, pose, point)
+}
+
+/// A factor far beyond rounding, and far below any difference of squares that matters.
+const BEYOND_ROUNDING: f64 = 1.0 + 1e-12;
 
 /// The same for each sighting of a problem, in their order; `None` where an end is undetermined.
 pub fn squares<'a>(problem: &'a Problem, map: &'a Map) -> impl Iterator<Item = Option<f64>> + 'a {
@@ -133,6 +154,9 @@ fn refined(
 
 /// The fixed point that a set of inliers leads to.
 ///
+/// Only of a set that stays the same is the map refined to the end: slow maps would take all their iterations for every
+/// set on the way.
+///
 /// `None` when they do not determine a map.
 ///
 /// # Errors
@@ -143,19 +167,24 @@ pub fn fixed_point(
     mut kept: Vec<bool>,
     options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
-    for _ in 0..options.stages.robust.inlier_changes {
+    let robust = &options.stages.robust;
+    let mut changes = 0;
+    let mut iterations = robust.changing_iterations;
+    while changes < robust.inlier_changes {
         let subset = problem.subset(&kept);
-        let Some(report) = refined(
-            &subset,
-            &mut map,
-            options.stages.robust.finished_iterations,
-            options,
-        )?
-        else {
+        let Some(report) = refined(&subset, &mut map, iterations, options)? else {
             return Ok(None);
         };
         let next = inliers(problem, &map, OUTLIER);
-        if next == kept {
+        if next != kept {
+            kept = next;
+            changes += 1;
+            iterations = robust.changing_iterations;
+        } else if report.termination == Termination::MaxIterations
+            && iterations < robust.finished_iterations
+        {
+            iterations = robust.finished_iterations;
+        } else {
             return Ok(Some(Consensus {
                 cost: cost(problem, &map, OUTLIER),
                 map,
@@ -163,7 +192,6 @@ pub fn fixed_point(
                 report,
             }));
         }
-        kept = next;
     }
     Ok(None)
 }
@@ -241,5 +269,37 @@ impl Consensus {
     pub fn is_same(&self, other: &Self, problem: &Problem, judge: &JudgeOptions) -> bool {
         let [a, b] = [self, other].map(|one| in_reported_frame(problem, &one.map));
         self.inliers == other.inliers && same(&a, &b, judge)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+
+    /// From every direction, with rays and with lines.
+    #[test]
+    fn squares_within_a_bound_are_squares() {
+        let rays = Problem::dense(1, 1, &[0.7], 0.1).unwrap();
+        let lines = rays.clone().unoriented();
+        let view = pose(0.4, -0.2, 1.1);
+        for problem in [rays, lines] {
+            let seen = &problem.sightings()[0];
+            let (mut told, mut left) = (0, 0);
+            for k in 0..720 {
+                let turned = f64::from(k).to_radians() * 0.5;
+                let point = Point2::new(0.4 + 3.0 * turned.cos(), -0.2 + 3.0 * turned.sin());
+                let square = square(&problem, seen, &view, &point);
+                let found = square_within(&problem, seen, &view, &point, OUTLIER);
+                if square <= OUTLIER * OUTLIER {
+                    assert_eq!(found, square);
+                    left += 1;
+                } else {
+                    assert!(found > OUTLIER * OUTLIER);
+                    told += usize::from(found == f64::INFINITY);
+                }
+            }
+            assert!(told > 400 && left > 60, "{told} {left}");
+        }
     }
 }

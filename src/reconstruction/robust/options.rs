@@ -17,6 +17,8 @@ pub struct RobustOptions {
     /// Maximum number of rounds: all of them take a second or two for 12 views and 15 landmarks with 50 % outliers. Not
     /// sensitive.
     pub rounds: usize,
+    /// The same times the number of views, as which the work of a round grows: all rounds up to 20 views.
+    pub searched_views: usize,
     /// Maximum number of triples in all; later rounds draw new samples from the same triples. Not sensitive.
     pub all_triples: usize,
     /// Expected number of outlier-free samples after which the search ends without a confirmation. Not every such
@@ -76,8 +78,11 @@ pub struct RobustOptions {
     pub narrowing_iterations: usize,
     /// Tolerance of refinements with Cauchy's loss: they only have to identify the inliers. Not sensitive.
     pub cauchy_tolerance: f64,
-    /// Most iterations of a refinement between two changes of the set of inliers: what takes more is a wrong map, or goes
-    /// on when it has become the best.
+    /// Most iterations of a refinement between two changes of the set of inliers: more than a good map takes, and so few
+    /// that Newton's method, whose iterations take many times as long, is left to the sets that stay.
+    pub changing_iterations: usize,
+    /// Most iterations of the refinement of a set that has not changed: what takes more is a wrong map, or goes on when
+    /// it has become the best.
     pub finished_iterations: usize,
     /// Maximum number of changes of the set of inliers. Each lowers the cost, so they end by themselves, usually after
     /// two or three. Not sensitive.
@@ -128,6 +133,7 @@ impl Default for RobustOptions {
             samples: 40,
             grown: 6,
             rounds: 24,
+            searched_views: 480,
             all_triples: 128,
             good_samples: 30.0,
             confirming_percent: 95,
@@ -150,6 +156,7 @@ impl Default for RobustOptions {
             narrowing_bounds: [6.0, 4.0],
             narrowing_iterations: 4,
             cauchy_tolerance: 1e-5,
+            changing_iterations: 8,
             finished_iterations: 100,
             inlier_changes: 30,
             promising: 4.0,

@@ -4,7 +4,7 @@
 //! Minimal samples of its sightings are tried, three for a view and two for a landmark; the place with the
 //! least truncated cost is re-estimated from all sightings that agree with it.
 
-use super::consensus::square;
+use super::consensus::square_within;
 use super::options::RobustOptions;
 use crate::geometry::Pose;
 use crate::kernels::{resect, triangulate};
@@ -94,7 +94,7 @@ pub fn place_view(
     let squares = |pose: &Pose<f64>| {
         let pose = *pose;
         seen.iter()
-            .map(move |(point, s)| square(problem, s, &pose, point))
+            .map(move |(point, s)| square_within(problem, s, &pose, point, bound))
     };
     let mut best = Best::new(bound, count, options, &squares);
     if let Some(pose) = map.poses[view] {
@@ -137,7 +137,7 @@ pub fn place_landmark(
     let squares = |point: &Point2<f64>| {
         let point = *point;
         rays.iter()
-            .map(move |(pose, s)| square(problem, s, pose, &point))
+            .map(move |(pose, s)| square_within(problem, s, pose, &point, bound))
     };
     let mut best = Best::new(bound, count, options, &squares);
     if let Some(point) = map.landmarks[landmark] {

@@ -132,8 +132,13 @@ fn lowest(
         return from_plain_hypotheses(problem, options, random, progress);
     }
     let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
-    for round in 0..robust.rounds {
-        if !report_progress(progress, "search", round, robust.rounds) {
+    let rough = &without_finish(options);
+    let rounds = robust
+        .rounds
+        .min(robust.searched_views / problem.views())
+        .max(1);
+    for round in 0..rounds {
+        if !report_progress(progress, "search", round, rounds) {
             return Err(Error::Interrupted);
         }
         let some = commons
@@ -150,11 +155,11 @@ fn lowest(
                 return Err(Error::Interrupted);
             }
             for motion in seed.branches(problem) {
-                let map = expand(problem, seed, motion, options, random)?;
-                let Some(consensus) = to_consensus(problem, map, options)? else {
+                let map = expand(problem, seed, motion, rough, random)?;
+                let Some(consensus) = to_consensus(problem, map, rough)? else {
                     continue;
                 };
-                let consensus = reestimate_each(problem, consensus, options, random, progress)?;
+                let consensus = reestimate_each(problem, consensus, rough, random, progress)?;
                 let confirmed = confirms(&found, &consensus, seed.views, robust);
                 found.push((consensus, seed.views));
                 if confirmed {
@@ -172,7 +177,15 @@ fn lowest(
     exchanged(problem, found, options)
 }
 
-/// The best of some minima, after exchanging sightings in the lowest few.
+/// The options with which sets of inliers are compared: their maps need not be refined to the end, which takes most of
+/// the time, and few of them are kept.
+fn without_finish(options: &SolveOptions) -> SolveOptions {
+    let mut rough = *options;
+    rough.stages.robust.finished_iterations = options.stages.robust.changing_iterations;
+    rough
+}
+
+/// The best of some rough minima: the lowest few refined to the end, with sightings exchanged.
 fn exchanged(
     problem: &Problem,
     found: Vec<(Consensus, [usize; 3])>,
@@ -184,7 +197,11 @@ fn exchanged(
     found.truncate(options.stages.robust.exchanged);
     let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
-        .map(|consensus| exchange(problem, consensus, options))
+        .map(|rough| {
+            let (map, kept) = (rough.map.clone(), rough.inliers.clone());
+            let finished = fixed_point(problem, map, kept, options)?.unwrap_or(rough);
+            exchange(problem, finished, options)
+        })
         .collect();
     best_of(exchanged?.into_iter())
 }
