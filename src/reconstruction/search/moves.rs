@@ -10,6 +10,7 @@ use super::options::MoveOptions;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
 use crate::problem::{IndexedSighting, Map, Problem};
+use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2, UnitComplex, Vector2};
 
@@ -26,8 +27,8 @@ enum Place {
     View(usize, Pose<f64>),
 }
 
-/// Maps that differ from a minimum in one landmark or in one view, in turns: of each at most so many, the most promising
-/// first.
+/// Maps that differ from a minimum in one landmark or, where views see only a part of the landmarks, in one view, in
+/// turns: of each at most so many, the most promising first.
 ///
 /// `variance` is that of the residuals over sigma.
 pub fn moved_maps(
@@ -37,20 +38,20 @@ pub fn moved_maps(
     tried: usize,
     options: &MoveOptions,
 ) -> Vec<Map> {
-    let worth = if filled(problem) < options.partial {
-        options.partial_worth
+    let partial = filled(problem) < options.partial;
+    let mut kinds = if partial {
+        let slack = options.partial_worth * variance;
+        vec![
+            moves_of_landmarks(problem, map, slack, true, options),
+            moves_of_views(problem, map, slack, options),
+        ]
     } else {
-        options.worth
+        let slack = options.worth * variance;
+        vec![moves_of_landmarks(problem, map, slack, false, options)]
     };
-    let slack = worth * variance;
-    let kinds = [
-        moves_of_landmarks(problem, map, slack, options),
-        moves_of_views(problem, map, slack, options),
-    ];
-    let kinds = kinds.map(|mut moves| {
+    for moves in &mut kinds {
         moves.sort_by(|a, b| a.excess.total_cmp(&b.excess));
-        moves
-    });
+    }
     let in_turns = (0..tried).flat_map(|k| kinds.iter().filter_map(move |moves| moves.get(k)));
     let changed = in_turns.map(|one| {
         let mut map = map.clone();
@@ -63,11 +64,13 @@ pub fn moved_maps(
     changed.collect()
 }
 
-/// Landmarks on the views that see them, far out, and where their rays meet best, with the nearest view and without.
+/// Landmarks on the views that see them, far out, and where their rays meet best, if `released` also without that of the
+/// nearest view.
 fn moves_of_landmarks(
     problem: &Problem,
     map: &Map,
     slack: f64,
+    released: bool,
     options: &MoveOptions,
 ) -> Vec<Move> {
     let MoveOptions { off, away, .. } = *options;
@@ -107,7 +110,8 @@ fn moves_of_landmarks(
         }
         let far = Point2::from(direction * (away / direction.norm()));
         add(Point2::from(far.coords * away), None, far);
-        for but in [None, nearest.1] {
+        let released = released.then_some(nearest.1);
+        for but in core::iter::once(None).chain(released) {
             let rays = rays.clone().filter(|(_, s)| Some(s.view) != but);
             if let Ok(found) = triangulate(rays.map(|(pose, s)| (pose, s.bearing))) {
                 add(found.point, but, found.point);
@@ -207,7 +211,11 @@ mod tests {
             let mut map = truth.clone();
             let moved = pose * crate::geometry::pose(0.4, -0.3, 0.2);
             map.poses[3] = Some(moved);
-            let options = MoveOptions::default();
+            // As if the table had gaps.
+            let options = MoveOptions {
+                partial: 2.0,
+                ..MoveOptions::default()
+            };
             let maps = moved_maps(&problem, &map, 1.0, 1, &options);
             let views = maps.iter().filter_map(|map| map.poses[3]);
             let found: Vec<Pose<f64>> = views.filter(|pose| *pose != moved).collect();

@@ -89,8 +89,8 @@ pub struct MoveOptions {
     /// times the variance of the residuals. Not sensitive.
     pub worth: f64,
     /// The same where the views see less than `partial` of the landmarks on average: a landmark of few sightings moves its
-    /// views with it, and their wrong minima are farther apart. Most of these refinements are in vain, and would take as
-    /// long as the whole search of a full table.
+    /// views with it, and their wrong minima are farther apart. Only there views are moved as well. Most of these
+    /// refinements are in vain, and would take as long as the whole search of a full table.
     pub partial_worth: f64,
     /// What part of the landmarks that is.
     pub partial: f64,
