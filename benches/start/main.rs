@@ -8,7 +8,7 @@
 //! than 1e-5 of it (of 1 where it is below). A landmark may be listed at infinity instead: its bearings still count.
 //! It fails silently when it has converged all the same, with an uncertainty below 0.2 and nothing undetermined.
 //! With outliers the cost is the truncated one, and the truth is followed to its own fixed point. Scenes of
-//! which the truth itself cannot be refined are not counted.
+//! which the truth itself cannot be refined, or leaves a part of its map free, are not counted.
 
 mod scenes;
 
@@ -144,7 +144,7 @@ enum Least {
 
 fn least(class: &Class, instance: &Instance) -> Option<Least> {
     if class.robust {
-        return Some(Least::Cost(truncated_from_truth(instance)));
+        return truncated_from_truth(instance).map(Least::Cost);
     }
     let options = RefineOptions {
         max_iterations: 1000,
@@ -217,8 +217,9 @@ fn list(found: &Reconstruction) -> String {
     format!("[{}]", each.collect::<Vec<_>>().join(", "))
 }
 
-/// The truncated cost that the truth leads to.
-fn truncated_from_truth(instance: &Instance) -> f64 {
+/// The truncated cost that the truth leads to; `None` when its inliers leave a part of the map free, which can then be
+/// placed to explain sightings that nothing checks.
+fn truncated_from_truth(instance: &Instance) -> Option<f64> {
     let Instance {
         problem,
         sightings,
@@ -227,16 +228,14 @@ fn truncated_from_truth(instance: &Instance) -> f64 {
     } = instance;
     let mut map: Map = instance.truth.clone();
     let mut kept: Vec<bool> = wrong.iter().map(|wrong| !wrong).collect();
+    let of_kept = |kept: &[bool]| {
+        let pairs = sightings.iter().zip(kept).filter(|(_, kept)| **kept);
+        let chosen: Vec<Sighting> = pairs.map(|(sighting, _)| *sighting).collect();
+        Problem::new(problem.views(), problem.landmarks(), &chosen).expect("a problem")
+    };
     // Each change lowers the cost.
     for _ in 0..100 {
-        let chosen: Vec<Sighting> = sightings
-            .iter()
-            .zip(&kept)
-            .filter(|(_, kept)| **kept)
-            .map(|(sighting, _)| *sighting)
-            .collect();
-        let inliers =
-            Problem::new(problem.views(), problem.landmarks(), &chosen).expect("a problem");
+        let inliers = of_kept(&kept);
         if refine_map(&inliers, &mut map, &RefineOptions::default(), None).is_err() {
             break;
         }
@@ -249,9 +248,9 @@ fn truncated_from_truth(instance: &Instance) -> f64 {
         }
         kept = next;
     }
-    squares(problem, &map)
-        .map(|square| 0.5 * square.min(OUTLIER * OUTLIER))
-        .sum()
+    let last = refine(&of_kept(&kept), &map, &RefineOptions::default(), None).ok()?;
+    let squares = squares(problem, &map).map(|square| 0.5 * square.min(OUTLIER * OUTLIER));
+    (last.uncertainty < 1.0).then(|| squares.sum())
 }
 
 /// Values in the order of the problem's sightings, put in that of its input.

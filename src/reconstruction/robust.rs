@@ -9,7 +9,7 @@
 //! confirmed by the non-robust search over its inliers.
 //!
 //! Under limited sight a map grows view by view instead (`growth`, `consensus_places`), parts of it are grown again
-//! (`regrow`), and sightings are exchanged view by view (`toggle`).
+//! from the rest (`regrow`) or from a seed of their own (`rejoin`), and sightings are exchanged view by view (`toggle`).
 
 pub(crate) mod consensus;
 mod consensus_places;
@@ -21,6 +21,7 @@ pub(crate) mod options;
 pub(crate) mod place;
 pub(crate) mod reassign;
 mod regrow;
+mod rejoin;
 mod sampling;
 pub(crate) mod solve;
 mod toggle;

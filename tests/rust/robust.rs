@@ -272,6 +272,26 @@ fn parts_that_grew_wrongly_are_grown_again() {
     assert!(better >= 1, "{better}");
 }
 
+/// Few sightings tie the parts of these drives, and some of them are wrong: growth from either part does not get past
+/// them, but the other part is found from a seed of its own.
+#[test]
+fn parts_that_few_bearings_tie_are_joined() {
+    for seed in [55, 60] {
+        let (problem, _) = drive(20, 30, 0.1, seed);
+        let found = solve(&problem, &options(), None).unwrap();
+        check(&problem, &found);
+        let mut from_the_rest = options();
+        from_the_rest.stages.regrowth.apart_percent = 0;
+        let grown = solve(&problem, &from_the_rest, None).unwrap();
+        assert!(
+            found.cost < 0.9 * grown.cost,
+            "{seed}: {} of {}",
+            found.cost,
+            grown.cost
+        );
+    }
+}
+
 #[test]
 fn what_too_few_good_bearings_see_is_undetermined() {
     let mut scene = scene(Layout::Mixed, 8, 15, NOISE_DEG, 3);

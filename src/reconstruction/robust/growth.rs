@@ -17,7 +17,7 @@ use super::reassign::reestimate_each;
 use super::regrow::regrow;
 use super::sampling::{Common, SAMPLE, Seed};
 use crate::error::Error;
-use crate::problem::{Map, Problem};
+use crate::problem::Problem;
 use alloc::vec;
 use alloc::vec::Vec;
 use rand_chacha::ChaCha8Rng;
@@ -95,7 +95,7 @@ fn component(
     found.truncate(options.stages.regrowth.maps);
     let mut best: Option<Consensus> = None;
     for map in found {
-        let map = regrow(own, map, free, options, random, progress)?;
+        let map = regrow(own, map, free, seeds, options, random, progress)?;
         if best.as_ref().is_none_or(|best| map.is_below(best)) {
             best = Some(map);
         }
@@ -130,7 +130,7 @@ fn from_seeds(
         for map in from_seed(
             problem,
             &soft,
-            starts(problem, seed),
+            seed.starts(problem),
             estimator,
             free,
             progress,
@@ -148,20 +148,6 @@ fn from_seeds(
         }
     }
     Ok(found)
-}
-
-/// The poses of a seed: one map, or two where the signs of the bearings do not decide between the motions.
-fn starts(problem: &Problem, seed: &Seed) -> Vec<Map> {
-    let motions = seed.branches(problem);
-    motions
-        .map(|motion| {
-            let mut map = Map::empty(problem.views(), problem.landmarks());
-            for (&view, pose) in seed.views.iter().zip(motion.poses) {
-                map.poses[view] = Some(pose);
-            }
-            map
-        })
-        .collect()
 }
 
 /// A fixed point of a part of the sightings as one of all: those of the other views are not among its inliers.

@@ -194,6 +194,12 @@ pub struct RegrowthOptions {
     pub successes: usize,
     /// Maximum number of views that are removed in a try.
     pub part: usize,
+    /// Percentage of the tries in which the part grows apart from the rest, from a seed of its own, and is joined to it
+    /// afterwards. Neither way does without the other: what no seed lies in can only grow from the rest.
+    pub apart_percent: usize,
+    /// Minimal sets of ties between the two that are tried: with 10 % outliers half of those of four sightings are good,
+    /// but most are badly conditioned.
+    pub similarities: usize,
     /// Iterations of the first refinement of a try.
     pub iterations: usize,
     /// Rounds in which everything is placed anew before the cost of a try is judged.
@@ -210,6 +216,8 @@ impl Default for RegrowthOptions {
             tries_per_part: 3,
             successes: 4,
             part: 16,
+            apart_percent: 50,
+            similarities: 64,
             iterations: 8,
             rounds: 3,
             worse_outliers: 5.0,

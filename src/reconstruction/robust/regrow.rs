@@ -10,6 +10,8 @@ use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, 
 use super::consensus_places::ConsensusPlaces;
 use super::options::RegrowthOptions;
 use super::reassign::{place_each, reestimate_each};
+use super::rejoin::grown_apart;
+use super::sampling::Seed;
 use crate::error::Error;
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
@@ -18,7 +20,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// Removes random parts of a map and grows them again, until none of so many tries in a row has lowered the cost. Only
-/// views that are `allowed` may be added.
+/// views that are `allowed` may be added. A part grows from the rest, or from one of the `seeds` within it.
 ///
 /// # Errors
 /// Those of the refinement; [`Error::Interrupted`] when `progress` says so.
@@ -26,6 +28,7 @@ pub fn regrow(
     problem: &Problem,
     mut best: Consensus,
     allowed: &[bool],
+    seeds: &[Seed],
     options: &SolveOptions,
     random: &mut ChaCha8Rng,
     progress: &mut Option<Progress<'_>>,
@@ -41,13 +44,24 @@ pub fn regrow(
         failed += 1;
         left -= 1;
         let part = without_random_part(problem, &best, regrowth.part, random);
-        let estimator = ConsensusPlaces::new(problem, &soft, random.random());
-        let Some(mut growth) = IncrementalGrowth::new(problem, &soft, estimator, allowed, part)?
-        else {
-            continue;
+        let apart = if random.random_range(0..100) < regrowth.apart_percent {
+            grown_apart(problem, &part, seeds, allowed, options, random, progress)?
+        } else {
+            None
         };
-        growth.grow(usize::MAX, progress)?;
-        let map = rough(problem, growth.map, options, random)?;
+        let grown = match apart {
+            Some(grown) => grown,
+            None => {
+                let estimator = ConsensusPlaces::new(problem, &soft, random.random());
+                let growth = IncrementalGrowth::new(problem, &soft, estimator, allowed, part)?;
+                let Some(mut growth) = growth else {
+                    continue;
+                };
+                growth.grow(usize::MAX, progress)?;
+                growth.map
+            }
+        };
+        let map = rough(problem, grown, options, random)?;
         let slack = regrowth.worse_outliers * OUTLIER * OUTLIER / 2.0;
         if cost(problem, &map, OUTLIER) > best.cost + slack {
             continue;

@@ -7,7 +7,7 @@
 use super::super::search::triples::{are_rivals, common_bearings};
 use super::options::RobustOptions;
 use crate::kernels::{CalibratedTensor, Motion, Triple};
-use crate::problem::Problem;
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -40,6 +40,20 @@ impl Seed {
     pub fn branches(&self, problem: &Problem) -> impl Iterator<Item = &Motion<f64>> {
         let rivals = are_rivals(problem, &self.motions, 2 * self.landmarks.len());
         self.motions.iter().take(1 + usize::from(rivals))
+    }
+
+    /// Its poses: one map, or two where the signs of the bearings do not decide between the motions.
+    pub fn starts(&self, problem: &Problem) -> Vec<Map> {
+        let motions = self.branches(problem);
+        motions
+            .map(|motion| {
+                let mut map = Map::empty(problem.views(), problem.landmarks());
+                for (&view, pose) in self.views.iter().zip(motion.poses) {
+                    map.poses[view] = Some(pose);
+                }
+                map
+            })
+            .collect()
     }
 }
 
