@@ -348,6 +348,25 @@ pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOption
         .collect()
 }
 
+/// The second of two maps where its price is lower and it is not too costly, unless the first is too; otherwise the first.
+/// Nothing that does not fit is taken into a map that does.
+pub fn better(
+    problem: &Problem,
+    both: [Reconstruction; 2],
+    options: &JudgeOptions,
+) -> Reconstruction {
+    let prices = prices(problem, &both, options);
+    let costly = both
+        .each_ref()
+        .map(|map| is_too_costly(problem, map, options.plausible_deviations));
+    let [before, after] = both;
+    if prices[1] < prices[0] * SAME_COST && (costly[0] || !costly[1]) {
+        after
+    } else {
+        before
+    }
+}
+
 /// The best of some reconstructions, with the rivals that explain the data nearly as well.
 pub fn choose(
     problem: &Problem,

@@ -6,7 +6,7 @@ use super::incremental::complete::place_all;
 use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
-use super::judge::{choose, is_incomplete, is_too_costly, prices};
+use super::judge::{better, choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
@@ -118,14 +118,7 @@ fn mended(
     }
     components.retain(|other| best.map.is_apart_from(&other.map));
     best.attach(components);
-    let both = [before, best];
-    let prices = prices(problem, &both, judge);
-    let [before, after] = both;
-    Ok(if prices[1] <= prices[0] {
-        after
-    } else {
-        before
-    })
+    Ok(better(problem, [before, best], judge))
 }
 
 /// A map refined; `None` when it cannot be.

@@ -4,7 +4,7 @@
 //! Where sight is limited a map may be right in one place and wrong in another, and no change of a single view or
 //! landmark helps, because those next to it are wrong as well.
 
-use super::super::judge::{SAME_COST, prices};
+use super::super::judge::better;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::finish;
@@ -56,15 +56,11 @@ pub fn regrow(
         let Some(found) = finish(problem, options, growth.map, &allowed, progress)? else {
             continue;
         };
-        let both = [best, found];
-        let prices = prices(problem, &both, &options.stages.judge);
-        let [before, after] = both;
-        best = if prices[1] < prices[0] * SAME_COST {
+        let cost = best.cost;
+        best = better(problem, [best, found], &options.stages.judge);
+        if best.cost != cost {
             failed = 0;
-            after
-        } else {
-            before
-        };
+        }
     }
     Ok(best)
 }
