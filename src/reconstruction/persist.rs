@@ -6,7 +6,7 @@ use super::incremental::complete::place_all;
 use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
-use super::judge::{better, choose, is_incomplete, is_too_costly};
+use super::judge::{JudgeOptions, better, choose, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
@@ -73,7 +73,7 @@ fn persist(
         let enough = !is_lacking(&map);
         found.push(map);
         if enough {
-            return choose(problem, found, judge);
+            return chosen(problem, found, judge);
         }
     }
     if check_sigmas(problem).is_ok()
@@ -82,6 +82,20 @@ fn persist(
         let mut start = robust.map;
         place_all(problem, &options.stages.incremental, &mut start);
         found.extend(refined(problem, start, options)?);
+    }
+    chosen(problem, found, judge)
+}
+
+/// The best of maps, of those that fit where any does: one that leaves something out fits, and one that takes it in all
+/// the same may not.
+fn chosen(
+    problem: &Problem,
+    mut found: Vec<Reconstruction>,
+    judge: &JudgeOptions,
+) -> Result<Reconstruction, Error> {
+    let fits = |map: &Reconstruction| !is_too_costly(problem, map, judge.plausible_deviations);
+    if found.iter().any(fits) {
+        found.retain(fits);
     }
     choose(problem, found, judge)
 }

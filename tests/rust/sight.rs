@@ -243,7 +243,12 @@ fn what_ties_two_maps_must_agree() {
         let apart = apart.unwrap();
         // Unless one map explains it all the same.
         if apart.components.is_empty() {
-            assert!(2.0 * apart.cost < apart.freedom as f64, "{seed}");
+            assert!(
+                2.0 * apart.cost < apart.freedom as f64,
+                "{seed} {} {}",
+                apart.cost,
+                apart.freedom
+            );
             continue;
         }
         kept += 1;
