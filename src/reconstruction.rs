@@ -2,6 +2,7 @@
 //! Maps of many views without an initial guess.
 
 mod attempt;
+mod behind;
 mod collapsed;
 mod far_views;
 pub(crate) mod global;

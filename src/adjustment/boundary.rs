@@ -8,7 +8,6 @@
 //! otherwise the descent returns to where it entered the boundary.
 
 use super::bundle::{Bundle, Rows};
-use super::prior_rows::has_prior;
 use super::step_solver::BundleAdjustment;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -72,6 +71,8 @@ struct BoundaryTrial {
 /// The boundaries that the landmarks of a problem are on.
 pub struct Boundaries<'a> {
     problem: &'a Problem,
+    /// Which landmarks have a prior.
+    pub known: Vec<bool>,
     /// In the order in which they were entered.
     entered: Vec<BoundaryTrial>,
     /// Those that were not lower, and the distance at the last attempt.
@@ -84,6 +85,7 @@ impl<'a> Boundaries<'a> {
     pub fn new(problem: &'a Problem) -> Self {
         Self {
             problem,
+            known: problem.known_landmarks(),
             entered: Vec::new(),
             refused: Vec::new(),
             candidate: None,
@@ -162,7 +164,7 @@ impl<'a> Boundaries<'a> {
             .is_none_or(|(_, then)| distance < *then * CLOSER)
             && match boundary {
                 // A prior keeps it near.
-                Boundary::Infinity(landmark) => !has_prior(self.problem, landmark),
+                Boundary::Infinity(landmark) => !self.known[landmark],
                 Boundary::View(_) => true,
             }
     }

@@ -9,7 +9,7 @@ use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
 use super::cholesky;
 use super::gauge::gauge_directions;
-use super::prior_rows::{PriorRow, has_prior};
+use super::prior_rows::PriorRow;
 use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
 use crate::lm::{BearingRow, Prediction, Termination};
@@ -332,8 +332,7 @@ impl StepSolver for Newton<'_> {
     }
 
     fn moves_landmark(&self, landmark: usize) -> bool {
-        matches!(self.columns[landmark], NewtonColumn::Point(_))
-            && !has_prior(self.problem, landmark)
+        matches!(self.columns[landmark], NewtonColumn::Point(_)) && !self.boundaries.known[landmark]
     }
 
     fn keeps_refused_damping(&self) -> bool {

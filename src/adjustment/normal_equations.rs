@@ -55,12 +55,9 @@ impl<'a> Normal<'a> {
         let (views, landmarks) = (problem.views(), problem.landmarks());
         // For each view, the later views that a motion connects with it.
         let mut partners = vec![Vec::new(); views];
-        let mut known = vec![false; landmarks];
         for prior in problem.priors() {
-            match *prior {
-                Prior::Motion { start, end, .. } => partners[start.min(end)].push(start.max(end)),
-                Prior::Landmark { landmark, .. } => known[landmark] = true,
-                Prior::Pose { .. } => {}
+            if let Prior::Motion { start, end, .. } = *prior {
+                partners[start.min(end)].push(start.max(end));
             }
         }
         let mut columns = Vec::with_capacity(views + landmarks);
@@ -120,7 +117,7 @@ impl<'a> Normal<'a> {
             anchors: Vec::new(),
             cholesky: SparseCholesky::analyse(size, starts, rows)?,
             delta: Vec::new(),
-            known,
+            known: problem.known_landmarks(),
         })
     }
 

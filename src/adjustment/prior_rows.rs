@@ -2,7 +2,7 @@
 //! Odometry and priors linearised.
 
 use crate::geometry::{Pose, signed_angle};
-use crate::problem::{Prior, Problem, Subject};
+use crate::problem::{Prior, Subject};
 use nalgebra::{Point2, Vector2};
 
 /// Odometry or a prior linearised: residuals and derivatives, all multiplied by the square root of the information.
@@ -74,13 +74,6 @@ pub fn linearize(prior: &Prior, poses: &[Pose<f64>], landmarks: &[Point2<f64>]) 
             }
         }
     }
-}
-
-/// Whether a landmark has a prior.
-pub fn has_prior(problem: &Problem, landmark: usize) -> bool {
-    let mut priors = problem.priors().iter();
-    priors
-        .any(|prior| matches!(*prior, Prior::Landmark { landmark: known, .. } if known == landmark))
 }
 
 impl PriorRow {

@@ -283,6 +283,17 @@ impl Problem {
         s.bearing.inverse_transform_vector(&seen.coords)
     }
 
+    /// Which landmarks have a prior.
+    pub(crate) fn known_landmarks(&self) -> Vec<bool> {
+        let mut known = vec![false; self.landmarks()];
+        for prior in self.priors() {
+            if let Prior::Landmark { landmark, .. } = prior {
+                known[*landmark] = true;
+            }
+        }
+        known
+    }
+
     /// The sightings of a view.
     pub fn of_view(&self, view: usize) -> &[IndexedSighting] {
         &self.sightings[self.range_of_view(view)]

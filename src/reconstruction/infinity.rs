@@ -7,7 +7,6 @@ use crate::geometry::points::{median, middle};
 use crate::lm::Termination;
 use crate::problem::{MIN_VIEWS_OF_LANDMARK, Map, Prior, Problem, Subject, Undetermined, Why};
 use crate::uncertainty::unbounded_landmarks;
-use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Point2, Vector2};
 
@@ -122,7 +121,7 @@ fn beyond_horizon(problem: &Problem, map: &Map, options: &InfinityOptions) -> Ve
     let Some(horizon) = Horizon::of(map, options) else {
         return Vec::new();
     };
-    let known = known_landmarks(problem);
+    let known = problem.known_landmarks();
     let landmarks = map.landmarks.iter().enumerate();
     let beyond = landmarks.filter(|(landmark, point)| {
         !known[*landmark] && point.is_some_and(|point| horizon.is_before(&point.coords))
@@ -174,49 +173,6 @@ impl Horizon {
     fn is_before(&self, place: &Vector2<f64>) -> bool {
         !((place - self.middle).norm() <= self.radius)
     }
-}
-
-/// Which landmarks have a prior.
-fn known_landmarks(problem: &Problem) -> Vec<bool> {
-    let mut known = vec![false; problem.landmarks()];
-    for prior in problem.priors() {
-        if let Prior::Landmark { landmark, .. } = prior {
-            known[*landmark] = true;
-        }
-    }
-    known
-}
-
-/// The map without the landmarks that are behind at least half of the rays that see them, and these; `None` when there are none.
-///
-/// Where priors know a landmark it stays.
-pub fn without_landmarks_behind(problem: &Problem, map: &Map) -> Option<(Map, Vec<Undetermined>)> {
-    if !problem.is_oriented() {
-        return None;
-    }
-    let known = known_landmarks(problem);
-    let mut left = map.clone();
-    let mut dropped = Vec::new();
-    for (landmark, place) in left.landmarks.iter_mut().enumerate() {
-        let Some(point) = place.filter(|_| !known[landmark]) else {
-            continue;
-        };
-        let rays = map.rays(problem, landmark);
-        let all = rays.clone().count();
-        let behind = rays.filter(|(pose, s)| {
-            let ray = (pose.rotation * s.bearing).into_inner();
-            let offset = point.coords - pose.translation.vector;
-            ray.re * offset.x + ray.im * offset.y < 0.0
-        });
-        if all > 0 && 2 * behind.count() >= all {
-            *place = None;
-            dropped.push(Undetermined {
-                subject: Subject::Landmark(landmark),
-                why: Why::Degenerate,
-            });
-        }
-    }
-    (!dropped.is_empty()).then_some((left, dropped))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 //! Choice of the strategy by how much the views see, and the result of several components.
 
 use super::attempt::converged;
+use super::behind::without_landmarks_behind;
 use super::collapsed::refuse_collapsed;
 use super::far_views::without_far_views;
 use super::grow::resect_view;
@@ -40,7 +41,8 @@ pub fn solve(
     finished(problem, options, best, progress)
 }
 
-/// The best map refined to the end, without what has gone to infinity by then, and tested for free directions.
+/// The best map refined to the end, without what has gone to infinity or behind its views by then, and tested for free
+/// directions.
 ///
 /// # Errors
 /// As [`solve`](super::solve).
@@ -53,6 +55,7 @@ pub fn finished(
     let mut best = converged(problem, best, options, progress)?;
     drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
     let best = without_far_views(problem, best, options, progress)?;
+    let best = without_landmarks_behind(problem, best, options, progress)?;
     refuse_collapsed(problem, &best, &options.stages.judge)?;
     judged(problem, best)
 }

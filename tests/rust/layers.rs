@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 43] = [
+const LAYERS: [&str; 44] = [
     "scalar",
     "float",
     "error",
@@ -37,6 +37,7 @@ const LAYERS: [&str; 43] = [
     "reconstruction/options",
     "reconstruction/attempt",
     "reconstruction/far_views",
+    "reconstruction/behind",
     "reconstruction/grow",
     "reconstruction/search",
     "reconstruction/incremental",

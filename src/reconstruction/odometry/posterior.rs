@@ -8,9 +8,10 @@
 //! it could place only a few of many views.
 
 use super::super::attempt::{converged, recoverable};
+use super::super::behind::without_landmarks_behind;
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
-use super::super::infinity::{drop_landmarks_at_infinity, without_landmarks_behind};
+use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{
     SAME_COST, choose, is_incomplete, is_plausible_consensus, is_plausible_posterior,
     is_too_costly, prices, refuse_minority, size, variance,
@@ -32,7 +33,7 @@ use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::{Degeneracy, Error};
 use crate::lm::{Loss, RefineOptions, Termination};
-use crate::problem::{Map, Problem, Undetermined};
+use crate::problem::{Map, Problem};
 use alloc::vec::Vec;
 
 /// Poses and landmarks of a problem with odometry or priors.
@@ -260,9 +261,15 @@ impl Attempts<'_, '_> {
                 best = place_by_headings(self.problem, best, self.options, self.progress)?;
             }
         }
-        let mut found = Vec::from([self.without_landmarks_behind(best)?]);
-        for rival in rivals {
-            found.push(self.without_landmarks_behind(rival)?);
+        let mut found = Vec::new();
+        for one in core::iter::once(best).chain(rivals) {
+            let (options, progress) = (self.options, &mut *self.progress);
+            found.push(without_landmarks_behind(
+                self.problem,
+                one,
+                options,
+                progress,
+            )?);
         }
         Ok(Some(choose(self.problem, found, &stages.judge)?))
     }
@@ -304,21 +311,6 @@ impl Attempts<'_, '_> {
             }
         }
         Ok(best)
-    }
-
-    /// A map without the landmarks that are behind their rays, refined again.
-    fn without_landmarks_behind(&mut self, best: Reconstruction) -> Result<Reconstruction, Error> {
-        let Some((map, dropped)) = without_landmarks_behind(self.problem, &best.map) else {
-            return Ok(best);
-        };
-        let Some(mut found) = self.refined(&map, usize::MAX)? else {
-            return Ok(best);
-        };
-        let listed = |one: &Undetermined| dropped.iter().any(|other| other.subject == one.subject);
-        found.undetermined.retain(|one| !listed(one));
-        found.undetermined.extend(dropped);
-        found.undetermined.sort_by_key(|one| one.subject);
-        Ok(found)
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
