@@ -3,6 +3,7 @@
 
 mod attempt;
 mod behind;
+pub(crate) mod choice;
 mod collapsed;
 mod far_views;
 pub(crate) mod global;

@@ -6,7 +6,8 @@
 //! is named by the beginning of its name. A solve fails when it does not determine all that the refinement started at the
 //! truth determines with redundant sightings, or when its cost over the sightings that both explain is higher by more
 //! than 1e-5 of it (of 1 where it is below). A landmark may be listed at infinity instead: its bearings still count.
-//! It fails silently when it has converged all the same, with an uncertainty below 0.2 and nothing undetermined.
+//! It fails silently when it has converged all the same, as one map, with an uncertainty below 0.2 and nothing
+//! undetermined.
 //! With outliers the cost is the truncated one, and the truth is followed to its own fixed point. Scenes of
 //! which the truth itself cannot be refined, or leaves a part of its map free, are not counted.
 
@@ -117,6 +118,7 @@ fn run(class: &Class, seed: u64) -> Option<Run> {
         && found.as_ref().is_ok_and(|found| {
             found.termination.was_successful()
                 && found.uncertainty < 0.2
+                && found.components.is_empty()
                 && found.undetermined.is_empty()
         });
     let what = if failed {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Refinements that may fail: a start that leads nowhere does not stop the others.
 
+use super::choice::SAME_COST;
 use super::infinity::with_landmarks_at_infinity;
-use super::judge::SAME_COST;
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use crate::adjustment::{Report, refine_map};

@@ -13,11 +13,12 @@ pub(crate) mod place;
 pub(crate) mod regrow;
 mod seeds;
 
+use super::choice::{SAME_COST, same};
 use super::incremental::complete::finish;
 use super::incremental::growth::{IncrementalGrowth, PlaceEstimator};
 use super::incremental::least_squares::LeastSquaresPlaces;
 use super::incremental::merge::{best, merge, views};
-use super::judge::{JudgeOptions, SAME_COST, is_as_good, is_plausible, same, variance};
+use super::judge::{JudgeOptions, is_as_good, is_plausible, variance};
 use super::options::{Progress, SolveOptions};
 use super::result::Reconstruction;
 use crate::error::Error;

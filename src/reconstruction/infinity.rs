@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks of which only the direction is known.
 
-use super::judge::{size, variance};
+use super::choice::size;
+use super::judge::variance;
 use super::result::Reconstruction;
 use crate::geometry::points::{median, middle};
 use crate::lm::Termination;

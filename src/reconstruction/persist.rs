@@ -2,11 +2,12 @@
 //! Further searches where the first map fits worse than the stated standard deviations allow, or leaves something out.
 
 use super::attempt::{attempt, recoverable};
+use super::choice::{better, choose};
 use super::incremental::complete::place_all;
 use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
 use super::infinity::with_landmarks_at_infinity;
-use super::judge::{JudgeOptions, better, choose, is_incomplete, is_too_costly};
+use super::judge::{JudgeOptions, is_incomplete, is_too_costly};
 use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};

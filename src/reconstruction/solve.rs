@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The public functions: `initialize` for a first map, `refine` for a given start, `solve` for the best map.
 
+use super::choice::choose;
 use super::collapsed::{drop_collapsed_alternatives, refuse_collapsed};
 use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
-use super::judge::{assess, choose, judged};
+use super::judge::{assess, judged};
 use super::odometry::posterior::solve_posterior;
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;

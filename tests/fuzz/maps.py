@@ -229,7 +229,7 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
     if gain > LEAST and gain * result.cost > bearings[1] + priors[1]:
         lower = minimum.decrease(request, result, LEAST)
         if lower >= LEAST:
-            yield "minimum", f"converged ({result.termination}), but steps lower the cost {result.cost!r} by {lower:.1%}"
+            yield "minimum", f"converged ({result.termination}), but steps lower {result.cost!r} by {lower:.1%}"
 
 
 def _reach(result: Any, views: Sequence[int] = (), landmarks: Sequence[int] = ()) -> float:

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 44] = [
+const LAYERS: [&str; 45] = [
     "scalar",
     "float",
     "error",
@@ -25,6 +25,7 @@ const LAYERS: [&str; 44] = [
     "simulate",
     "reconstruction/result",
     "reconstruction/judge",
+    "reconstruction/choice",
     "reconstruction/infinity",
     "reconstruction/collapsed",
     "reconstruction/sight",

@@ -4,7 +4,7 @@
 //! Where sight is limited a map may be right in one place and wrong in another, and no change of a single view or
 //! landmark helps, because those next to it are wrong as well.
 
-use super::super::judge::better;
+use super::super::choice::better;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::complete::finish;

@@ -9,12 +9,13 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::behind::without_landmarks_behind;
+use super::super::choice::{SAME_COST, choose, prices, size};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
 use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{
-    SAME_COST, choose, is_incomplete, is_plausible_consensus, is_plausible_posterior,
-    is_too_costly, prices, refuse_minority, size, variance,
+    is_incomplete, is_plausible_consensus, is_plausible_posterior, is_too_costly, refuse_minority,
+    variance,
 };
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;

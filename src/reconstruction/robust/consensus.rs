@@ -6,7 +6,8 @@
 //! are those that it was refined from.
 
 use super::super::attempt::attempt;
-use super::super::judge::{JudgeOptions, same};
+use super::super::choice::same;
+use super::super::judge::JudgeOptions;
 use super::super::options::SolveOptions;
 use super::super::result::Reconstruction;
 use crate::adjustment::gauge::in_reported_frame;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Hypotheses: whole maps grown from triples of views.
 
+use super::super::choice::near;
 use super::super::grow::{grow, score};
-use super::super::judge::near;
 use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
 use super::four_landmarks::FourLandmarks;
 use super::options::{DrawOptions, HypothesisOptions};

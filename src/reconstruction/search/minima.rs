@@ -7,7 +7,8 @@
 //! views have led to it.
 
 use super::super::attempt::recoverable;
-use super::super::judge::{SAME_COST, is_plausible, same, variance};
+use super::super::choice::{SAME_COST, same};
+use super::super::judge::{is_plausible, variance};
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::result::Reconstruction;
 use super::super::stages::StageOptions;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The search from bearings alone without outliers: hypotheses, refinement, choice.
 
+use super::super::choice::choose;
 use super::super::infinity::drop_landmarks_at_infinity;
-use super::super::judge::choose;
 use super::super::options::{Progress, SolveOptions};
 use super::super::result::Reconstruction;
 use super::super::stages::StageOptions;

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Comparison of maps: whether two are the same minimum, what each leaves unexplained, and which is the best.
+
+use super::judge::{
+    JudgeOptions, is_as_good, is_stated, is_too_costly, mean_weight, rounding, variance,
+};
+use super::result::Reconstruction;
+use crate::adjustment::gauge::gauge_and_prior_numbers;
+use crate::error::{Degeneracy, Error};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::lm::Loss;
+use crate::problem::{Map, Problem};
+use alloc::vec::Vec;
+
+/// Costs whose ratio is closer to 1 than this belong to the same minimum. Not an option: refinements to the same
+/// minimum differ by up to this.
+pub const SAME_COST: f64 = 1.0 - 1e-6;
+
+/// Whether two maps in one frame are the same minimum.
+pub fn same(a: &Map, b: &Map, options: &JudgeOptions) -> bool {
+    near(a, b, options.same)
+}
+
+/// Whether all poses of two maps in one frame differ by less than a bound, positions as a part of the size of the map.
+pub fn near(a: &Map, b: &Map, near: f64) -> bool {
+    let far = near * size(a);
+    a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
+        (Some(a), Some(b)) => {
+            (a.translation.vector - b.translation.vector).norm() < far
+                && a.rotation.angle_to(&b.rotation).abs() < near
+        }
+        (None, None) => true,
+        _ => false,
+    })
+}
+
+/// The root mean square distance of the other views from the first; 1 for a single view.
+pub fn size(map: &Map) -> f64 {
+    let mut places = map
+        .poses
+        .iter()
+        .flatten()
+        .map(|pose| pose.translation.vector);
+    let Some(first) = places.next() else {
+        return 1.0;
+    };
+    let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| {
+        (sum + (place - first).norm_squared(), count + 1.0)
+    });
+    if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+}
+
+/// What makes maps comparable that do not explain the same sightings: the cost of each with its components, and a price
+/// for every number that these do not explain.
+///
+/// The price is the cost of a residual three times as large as that of an outlier in units of the noise, so that a
+/// complete map wins over one that leaves something out unless it explains that very badly. The noise is that of the best fit of those maps that have
+/// at least half of the degrees of freedom: a map of little explains it too well.
+pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOptions) -> Vec<f64> {
+    let most = found.iter().map(|found| found.freedom).max().unwrap_or(0);
+    let telling = found.iter().filter(|found| 2 * found.freedom >= most);
+    let expected = options.expected_noise * options.expected_noise;
+    // Where no map fits the stated standard deviations, what a map leaves out must not cost more than what it explains badly.
+    let (floor, ceiling) = if is_stated(problem) {
+        (1.0, options.rival_ratio.max(1.0))
+    } else {
+        (expected, f64::INFINITY)
+    };
+    let noise = telling.map(variance).fold(f64::INFINITY, f64::min);
+    let noise = noise.max(floor).min(ceiling);
+    let outlier = 0.5 * Loss::<f64>::TRUNCATED * Loss::<f64>::TRUNCATED;
+    let each = outlier * options.rival_ratio * noise;
+    let prior_numbers = |found: &Reconstruction| gauge_and_prior_numbers(problem, &found.map).1;
+    let numbers: Vec<usize> = found.iter().map(prior_numbers).collect();
+    let all = numbers.iter().copied().max().unwrap_or(0);
+    found
+        .iter()
+        .zip(numbers)
+        .map(|(found, numbers)| {
+            let parts = || core::iter::once(found).chain(&found.components);
+            let unexplained = (0..found.residuals.len())
+                .filter(|&k| parts().all(|part| part.residuals[k].is_none()));
+            // Of each component, a similarity is not.
+            let ties = 4 * found.components.len();
+            let cost: f64 = parts().map(|part| part.cost).sum();
+            cost + each * (unexplained.count() + ties + all - numbers) as f64
+        })
+        .collect()
+}
+
+/// The second of two maps where its price is lower and it is not too costly, unless the first is too; otherwise the first.
+/// Nothing that does not fit is taken into a map that does.
+pub fn better(
+    problem: &Problem,
+    both: [Reconstruction; 2],
+    options: &JudgeOptions,
+) -> Reconstruction {
+    let prices = prices(problem, &both, options);
+    let costly = both
+        .each_ref()
+        .map(|map| is_too_costly(problem, map, options.plausible_deviations));
+    let [before, after] = both;
+    if prices[1] < prices[0] * SAME_COST && (costly[0] || !costly[1]) {
+        after
+    } else {
+        before
+    }
+}
+
+/// The best of some reconstructions, with the rivals that explain the data nearly as well.
+pub fn choose(
+    problem: &Problem,
+    found: Vec<Reconstruction>,
+    options: &JudgeOptions,
+) -> Result<Reconstruction, Error> {
+    let ratio = options.rival_ratio;
+    let rounding = rounding(mean_weight(problem));
+    let prices = prices(problem, &found, options);
+    let mut ranked: Vec<(f64, Reconstruction)> = prices.into_iter().zip(found).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found = ranked.into_iter().map(|(_, found)| found);
+    let mut best = found.next().ok_or(Error::Degenerate {
+        kind: Degeneracy::NoHypothesis,
+        value: 0.0,
+        bound: 1.0,
+    })?;
+    let least = variance(&best);
+    for rival in found {
+        let known = core::iter::once(&best).chain(&best.alternatives);
+        if is_as_good(variance(&rival), least, ratio, rounding)
+            && missing(&rival) == missing(&best)
+            && known
+                .into_iter()
+                .all(|other| !same(&rival.map, &other.map, options))
+        {
+            best.alternatives.push(rival);
+        }
+    }
+    best.alternatives.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    Ok(best)
+}
+
+/// Views and landmarks that a map does not reach.
+fn missing(found: &Reconstruction) -> usize {
+    found.undetermined.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::geometry::pose;
+    use crate::lm::RefineOptions;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A problem with stated standard deviations and its map.
+    fn setting() -> (Problem, Reconstruction) {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let found = Reconstruction::new(&problem, &map, report);
+        (problem, found)
+    }
+
+    /// Another minimum is a rival up to residuals three times as large, and best comes first.
+    #[test]
+    fn rivals_have_at_most_three_times_the_residuals() {
+        let (problem, best) = setting();
+        let mut rival = best.clone();
+        rival.map.poses[3] = Some(pose(0.1, 0.2, 0.3));
+        for (times, rivals) in [(1.1_f64, 1), (2.98, 1), (3.02, 0)] {
+            rival.cost = best.cost * times * times;
+            let found = Vec::from([rival.clone(), best.clone()]);
+            let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+            assert_eq!(chosen.map, best.map);
+            assert_eq!(chosen.alternatives.len(), rivals, "{times}");
+        }
+        // The same minimum is no rival, however close.
+        let found = Vec::from([best.clone(), best.clone()]);
+        let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+        assert!(chosen.alternatives.is_empty());
+    }
+
+    /// What a map does not explain costs as much as a residual three times that of an outlier, in units of the noise.
+    #[test]
+    fn an_unexplained_sighting_costs_nine_deviations() {
+        let (problem, whole) = setting();
+        let mut part = whole.clone();
+        part.residuals[7] = None;
+        for variance in [1.0, 2.0, 5.0] {
+            part.cost = 0.5 * variance * part.freedom as f64;
+            let price = 0.5 * 9.0 * 9.0 * variance;
+            for (more, is_whole) in [(0.99 * price, true), (1.01 * price, false)] {
+                let mut whole = whole.clone();
+                whole.cost = part.cost + more;
+                let found = Vec::from([part.clone(), whole]);
+                let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+                assert_eq!(chosen.residuals[7].is_some(), is_whole, "{variance} {more}");
+            }
+        }
+    }
+
+    /// Sightings that a component explains are as good as those of the map, but for what ties the two.
+    #[test]
+    fn components_count_as_explained() {
+        let (problem, whole) = setting();
+        let mut part = whole.clone();
+        let far = 40;
+        part.residuals[far..].fill(None);
+        let mut component = whole.clone();
+        component.residuals[..far].fill(None);
+        component.cost = 0.0;
+        let mut apart = part.clone();
+        apart.components.push(component);
+        let prices = prices(&problem, &[whole, part, apart], &JudgeOptions::default());
+        assert!(prices[0] < prices[2] && prices[2] < prices[1], "{prices:?}");
+    }
+}
