@@ -275,7 +275,8 @@ impl Attempts<'_, '_> {
         Ok(Some(choose(self.problem, found, &stages.judge)?))
     }
 
-    /// A map with single landmarks and views in other places, as long as that makes it better.
+    /// A map with single landmarks in other places, as long as that makes it better: its views are held by odometry and
+    /// priors.
     fn with_moves(&mut self, mut best: Reconstruction) -> Result<Reconstruction, Error> {
         let StageOptions { moves, judge, .. } = &self.options.stages;
         for _ in 0..moves.rounds {
@@ -294,7 +295,7 @@ impl Attempts<'_, '_> {
                 moves.tried
             };
             let variance = variance(&best).max(1.0);
-            let moved = moved_maps(self.problem, &best.map, variance, tried, &moves);
+            let moved = moved_maps(self.problem, &best.map, variance, [tried, 0], &moves);
             let mut lower = false;
             for map in moved {
                 let found = self.refined(&map, moves.iterations)?;

@@ -162,7 +162,7 @@ impl Default for RobustOptions {
             promising: 4.0,
             exchange_tries: 16,
             exchange_successes: 20,
-            improved_views: 100,
+            improved_views: 250,
             improve_rounds: 10,
             toggled: 9.0,
             motion_steps: 10,

@@ -205,7 +205,13 @@ impl<'a, 'p> Minima<'a, 'p> {
             }
             let cost = best.cost;
             let variance = variance(best);
-            let maps = moved_maps(self.problem, &best.map, variance, options.tried, options);
+            let maps = moved_maps(
+                self.problem,
+                &best.map,
+                variance,
+                [options.tried; 2],
+                options,
+            );
             let total = maps.len();
             let mut lower = false;
             for (done, map) in maps.into_iter().enumerate() {

@@ -28,31 +28,34 @@ enum Place {
 }
 
 /// Maps that differ from a minimum in one landmark or, where views see only a part of the landmarks, in one view, in
-/// turns: of each at most so many, the most promising first.
+/// turns: at most so many of landmarks and of views, the most promising first.
 ///
 /// `variance` is that of the residuals over sigma.
 pub fn moved_maps(
     problem: &Problem,
     map: &Map,
     variance: f64,
-    tried: usize,
+    [landmarks, views]: [usize; 2],
     options: &MoveOptions,
 ) -> Vec<Map> {
     let partial = filled(problem) < options.partial;
     let mut kinds = if partial {
         let slack = options.partial_worth * variance;
-        vec![
-            moves_of_landmarks(problem, map, slack, true, options),
-            moves_of_views(problem, map, slack, options),
-        ]
+        let mut kinds = vec![moves_of_landmarks(problem, map, slack, true, options)];
+        if views > 0 {
+            kinds.push(moves_of_views(problem, map, slack, options));
+        }
+        kinds
     } else {
         let slack = options.worth * variance;
         vec![moves_of_landmarks(problem, map, slack, false, options)]
     };
-    for moves in &mut kinds {
+    for (moves, tried) in kinds.iter_mut().zip([landmarks, views]) {
         moves.sort_by(|a, b| a.excess.total_cmp(&b.excess));
+        moves.truncate(tried);
     }
-    let in_turns = (0..tried).flat_map(|k| kinds.iter().filter_map(move |moves| moves.get(k)));
+    let in_turns =
+        (0..landmarks.max(views)).flat_map(|k| kinds.iter().filter_map(move |moves| moves.get(k)));
     let changed = in_turns.map(|one| {
         let mut map = map.clone();
         match one.to {
@@ -216,7 +219,7 @@ mod tests {
                 partial: 2.0,
                 ..MoveOptions::default()
             };
-            let maps = moved_maps(&problem, &map, 1.0, 1, &options);
+            let maps = moved_maps(&problem, &map, 1.0, [1, 1], &options);
             let views = maps.iter().filter_map(|map| map.poses[3]);
             let found: Vec<Pose<f64>> = views.filter(|pose| *pose != moved).collect();
             assert_eq!(found.len(), 1);
