@@ -8,7 +8,7 @@
 use super::boundary::{Boundaries, Boundary};
 use super::bundle::{Bundle, Rows};
 use super::cholesky;
-use super::gauge::gauge_directions;
+use super::gauge::{anchors, gauge_directions};
 use super::prior_rows::PriorRow;
 use super::step_solver::{BundleAdjustment, StepSolver};
 use crate::error::Error;
@@ -223,10 +223,20 @@ impl<'a> Newton<'a> {
 
     /// Gives the directions of the gauge the stiffness of an average parameter. The gradient along them is zero,
     /// so this fixes the gauge and, without damping, changes nothing else.
+    ///
+    /// With odometry and priors, whose standard deviations may differ by many orders of magnitude, an average would lose the
+    /// weakest in rounding: anchors take its place.
     fn stiffen_gauge(&mut self, bundle: &Bundle) {
         let size = self.gradient.len();
+        let directions = self.gauge(bundle);
+        if !self.problem.priors().is_empty() {
+            for k in anchors(&directions, |k| self.normal[k * size + k]) {
+                self.normal[k * size + k] *= 2.0;
+            }
+            return;
+        }
         let trace = (0..size).fold(0.0, |sum, k| sum + self.normal[k * size + k]);
-        for direction in self.gauge(bundle) {
+        for direction in directions {
             let square = direction.iter().fold(0.0, |sum, d| sum + *d * *d);
             let stiffness = trace / ((size as f64) * square);
             for i in 0..size {
