@@ -316,7 +316,7 @@ fn a_landmark_that_moves_onto_a_view_gets_there() {
 
 /// Positions that are known do not keep a landmark off a view; from there the descent goes on to the minimum.
 #[test]
-fn a_moves_onto_a_view_of_known_position() {
+fn a_landmark_moves_onto_a_view_of_known_position() {
     let mut moved = 0;
     for seed in 0..400 {
         let scene = scene(Layout::Mixed, 4, 9, 1.5, seed);
