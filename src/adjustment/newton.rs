@@ -134,8 +134,12 @@ impl<'a> Newton<'a> {
     fn assemble(&mut self, bundle: &Bundle, rows: &Rows) {
         self.add_up(rows);
         self.stiffen_gauge(bundle);
-        for (curved, normal) in self.curved.iter_mut().zip(&self.normal) {
-            *curved += *normal;
+        let size = self.gradient.len();
+        for i in 0..size {
+            let row = i * size..=i * size + i;
+            for (curved, normal) in self.curved[row.clone()].iter_mut().zip(&self.normal[row]) {
+                *curved += *normal;
+            }
         }
     }
 

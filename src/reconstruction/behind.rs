@@ -2,14 +2,18 @@
 //! Landmarks behind the views that see them, where a descent has ended that went through a view.
 
 use super::attempt::attempt;
+use super::infinity::{drop_landmarks_at_infinity, with_landmarks_at_infinity};
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use crate::error::Error;
-use crate::problem::{Map, Problem, Subject, Undetermined, Why};
+use crate::geometry::is_ahead;
+use crate::problem::{Map, Problem, Subject, Why};
 use alloc::vec::Vec;
 
 /// A map without the landmarks that are behind their rays, which are listed, and refined again; unchanged where there are
 /// none, or the rest cannot be refined.
+///
+/// Alternatives do not stay with a map that has lost landmarks: they explain other bearings.
 ///
 /// # Errors
 /// Those that stop everything, as [`attempt`].
@@ -19,9 +23,16 @@ pub fn without_landmarks_behind(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
-    let Some((mut map, dropped)) = left_without_landmarks_behind(problem, &best.map) else {
+    let dropped = landmarks_behind(problem, &best.map);
+    if dropped.is_empty() {
         return Ok(best);
-    };
+    }
+    // The bearings of those at infinity still count.
+    let sizes = options.stages.incremental.far_sizes;
+    let mut map = with_landmarks_at_infinity(problem, &best, sizes);
+    for &landmark in &dropped {
+        map.landmarks[landmark] = None;
+    }
     let total = options.refine.max_iterations;
     let mut observer = |done, _| report_progress(progress, "refine", done, total);
     let refined = attempt(problem, &mut map, &options.refine, Some(&mut observer))?;
@@ -29,43 +40,34 @@ pub fn without_landmarks_behind(
         return Ok(best);
     };
     let mut found = Reconstruction::new(problem, &map, report);
-    let listed = |one: &Undetermined| dropped.iter().any(|other| other.subject == one.subject);
-    found.undetermined.retain(|one| !listed(one));
-    found.undetermined.extend(dropped);
-    found.undetermined.sort_by_key(|one| one.subject);
+    for one in &mut found.undetermined {
+        if matches!(one.subject, Subject::Landmark(landmark) if dropped.contains(&landmark)) {
+            one.why = Why::Degenerate;
+        }
+    }
+    drop_landmarks_at_infinity(problem, &mut found, &options.stages.infinity);
     let components = core::mem::take(&mut best.components);
     found.attach(components);
     Ok(found)
 }
 
-/// The map without the landmarks that are behind at least half of the rays that see them, and these; `None` when there are none.
-///
-/// Where priors know a landmark it stays.
-fn left_without_landmarks_behind(problem: &Problem, map: &Map) -> Option<(Map, Vec<Undetermined>)> {
+/// The landmarks that are behind at least half of the rays that see them; where priors know a landmark it stays.
+fn landmarks_behind(problem: &Problem, map: &Map) -> Vec<usize> {
     if !problem.is_oriented() {
-        return None;
+        return Vec::new();
     }
     let known = problem.known_landmarks();
-    let mut left = map.clone();
-    let mut dropped = Vec::new();
-    for (landmark, place) in left.landmarks.iter_mut().enumerate() {
-        let Some(point) = place.filter(|_| !known[landmark]) else {
-            continue;
+    let behind = |&landmark: &usize| {
+        let Some(point) = map.landmarks[landmark].filter(|_| !known[landmark]) else {
+            return false;
         };
         let rays = map.rays(problem, landmark);
         let all = rays.clone().count();
+        // On its view it is neither.
         let behind = rays.filter(|(pose, s)| {
-            let ray = (pose.rotation * s.bearing).into_inner();
-            let offset = point.coords - pose.translation.vector;
-            ray.re * offset.x + ray.im * offset.y < 0.0
+            point.coords != pose.translation.vector && !is_ahead(pose, &s.bearing, &point)
         });
-        if all > 0 && 2 * behind.count() >= all {
-            *place = None;
-            dropped.push(Undetermined {
-                subject: Subject::Landmark(landmark),
-                why: Why::Degenerate,
-            });
-        }
-    }
-    (!dropped.is_empty()).then_some((left, dropped))
+        all > 0 && 2 * behind.count() >= all
+    };
+    (0..problem.landmarks()).filter(behind).collect()
 }
