@@ -33,8 +33,8 @@
 
 use super::options::{
     AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
-    LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RESOLVED_EPS,
-    RefineOptions, ZERO_RESIDUAL_EPS,
+    HELD_BACK, LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP,
+    RESOLVED_EPS, RefineOptions, ZERO_RESIDUAL_EPS,
 };
 use super::prediction::Prediction;
 use super::termination::Termination;
@@ -111,6 +111,10 @@ pub fn minimize<T: Real>(
     // Otherwise gains that end the descent are those of rounding, and say nothing of the steps.
     let resolved = tolerance > T::lit(RESOLVED_EPS) * T::eps();
     let gauss_newton = options.damping <= zero;
+    // Whether damping, not the minimum, makes a step gain little.
+    let is_held_back = |predicted: &Prediction<T>, cost: T| {
+        resolved && predicted.held_back > T::lit(HELD_BACK) * tolerance * cost
+    };
     let rounding = problem.rounding();
     let mut cost = problem.cost();
     let mut iterations = 0;
@@ -154,10 +158,9 @@ pub fn minimize<T: Real>(
                 // A poor step may gain little where a better one would gain much.
                 let poor =
                     resolved && ratio < T::lit(POOR_STEP) && predicted.gain > tolerance * cost;
-                let held_back = resolved && predicted.held_back > tolerance * cost;
                 if left <= tolerance * cost
                     && gained <= last_gain
-                    && !(limited || poor || held_back)
+                    && !(limited || poor || is_held_back(&predicted, cost))
                 {
                     break Termination::Converged;
                 }
@@ -183,9 +186,8 @@ pub fn minimize<T: Real>(
             }
             Some(trial)
                 if trial.predicted.gain <= tolerance * cost
-                    && !(resolved
-                        && (is_limited(damping, last_damping)
-                            || trial.predicted.held_back > tolerance * cost)) =>
+                    && !(resolved && is_limited(damping, last_damping))
+                    && !is_held_back(&trial.predicted, cost) =>
             {
                 break Termination::Converged;
             }
