@@ -106,6 +106,7 @@ impl<'a> Normal<'a> {
             _ => 0,
         });
         let size = 3 * views + 2 * landmarks;
+        let widths: Vec<usize> = columns.iter().map(|column| column.width).collect();
         Some(Self {
             problem,
             sighting_row,
@@ -115,7 +116,7 @@ impl<'a> Normal<'a> {
             gradient: vec![0.0; size],
             held: Vec::new(),
             anchors: Vec::new(),
-            cholesky: SparseCholesky::analyse(size, starts, rows)?,
+            cholesky: SparseCholesky::analyse(&widths, starts, rows)?,
             delta: Vec::new(),
             known: problem.known_landmarks(),
         })
