@@ -68,16 +68,24 @@ pub fn drop_landmarks_at_infinity(
 /// refinement.
 pub fn with_landmarks_at_infinity(problem: &Problem, found: &Reconstruction, sizes: f64) -> Map {
     let mut map = found.map.clone();
-    for one in &found.undetermined {
-        if let (Subject::Landmark(landmark), Why::AtInfinity) = (one.subject, one.why) {
-            map.landmarks[landmark] = far_out(problem, &found.map, landmark, sizes);
-        }
+    let range = sizes * size(&map);
+    for landmark in listed_at_infinity(found) {
+        map.landmarks[landmark] = far_out(problem, &found.map, landmark, range);
     }
     map
 }
 
-/// A position `sizes` times the size of the map out along the mean ray of a landmark that at least two views see.
-pub fn far_out(problem: &Problem, map: &Map, landmark: usize, sizes: f64) -> Option<Point2<f64>> {
+/// The landmarks that a map lists at infinity.
+pub fn listed_at_infinity(found: &Reconstruction) -> impl Iterator<Item = usize> {
+    let listed = found.undetermined.iter();
+    listed.filter_map(|one| match (one.subject, one.why) {
+        (Subject::Landmark(landmark), Why::AtInfinity) => Some(landmark),
+        _ => None,
+    })
+}
+
+/// A position at this range along the mean ray of a landmark that at least two views see.
+pub fn far_out(problem: &Problem, map: &Map, landmark: usize, range: f64) -> Option<Point2<f64>> {
     let mut count = 0_u32;
     let (mut sum, mut from) = (Vector2::zeros(), Vector2::zeros());
     for (pose, s) in map.rays(problem, landmark) {
@@ -93,7 +101,7 @@ pub fn far_out(problem: &Problem, map: &Map, landmark: usize, sizes: f64) -> Opt
         return None;
     }
     let middle = from / f64::from(count);
-    Some(Point2::from(middle + sum.normalize() * (size(map) * sizes)))
+    Some(Point2::from(middle + sum.normalize() * range))
 }
 
 /// The landmarks whose range is undetermined within the noise of the bearings.

@@ -3,6 +3,7 @@
 
 mod compass;
 mod complete;
+mod far_starts;
 mod frames;
 mod growth;
 mod headings;

@@ -12,7 +12,7 @@ use super::super::behind::without_landmarks_behind;
 use super::super::choice::{SAME_COST, choose, prices, size};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
-use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::infinity::{drop_landmarks_at_infinity, far_out, listed_at_infinity};
 use super::super::judge::{
     is_incomplete, is_plausible_consensus, is_plausible_posterior, is_too_costly, refuse_minority,
     variance,
@@ -26,6 +26,7 @@ use super::super::search::options::MoveOptions;
 use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
 use super::complete::complete;
+use super::far_starts::far_starts;
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
@@ -84,6 +85,17 @@ pub fn solve_posterior(
             attempts.refine_fitted(start)?;
         }
         starts.extend(grown);
+    }
+    if !(many || options.robust)
+        && let Some(start) = starts.first()
+    {
+        let (least, radii) = (
+            stages.odometry_growth.min_parallax,
+            &stages.posterior.far_radii,
+        );
+        for far in far_starts(problem, start, least, radii) {
+            attempts.refine_fitted(&far)?;
+        }
     }
     let hopeless = options.robust && many && !robust_start::is_searchable(problem, &stages.robust);
     if !(attempts.suffice() || hopeless) {
@@ -296,9 +308,12 @@ impl Attempts<'_, '_> {
             };
             let variance = variance(&best).max(1.0);
             let moved = moved_maps(self.problem, &best.map, variance, [tried, 0], &moves);
+            let moved = moved.into_iter().map(|map| (map, moves.iterations));
+            let back = self.returned_maps(&best).into_iter();
+            let back = back.map(|map| (map, self.options.stages.posterior.first_iterations));
             let mut lower = false;
-            for map in moved {
-                let found = self.refined(&map, moves.iterations)?;
+            for (map, iterations) in moved.chain(back) {
+                let found = self.refined(&map, iterations)?;
                 if let Some(found) = found
                     && found.undetermined.len() <= best.undetermined.len()
                     && found.cost < best.cost * SAME_COST
@@ -313,6 +328,29 @@ impl Attempts<'_, '_> {
             }
         }
         Ok(best)
+    }
+
+    /// Maps in which one of the landmarks at infinity is back: all views that see it have turned away from it together,
+    /// and no landmark or view alone lowers the cost.
+    fn returned_maps(&self, best: &Reconstruction) -> Vec<Map> {
+        let StageOptions {
+            moves, infinity, ..
+        } = &self.options.stages;
+        let mut dropped = best.clone();
+        drop_landmarks_at_infinity(self.problem, &mut dropped, infinity);
+        let size = size(&best.map);
+        let mut maps = Vec::new();
+        for landmark in listed_at_infinity(&dropped) {
+            for range in moves.back {
+                let place = far_out(self.problem, &best.map, landmark, range * size);
+                if place.is_some() {
+                    let mut map = best.map.clone();
+                    map.landmarks[landmark] = place;
+                    maps.push(map);
+                }
+            }
+        }
+        maps
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and

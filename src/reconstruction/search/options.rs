@@ -108,6 +108,9 @@ pub struct MoveOptions {
     /// Iterations that each of them gets: one that is no better by then converges slowly because it is worse. Not
     /// sensitive.
     pub iterations: usize,
+    /// Ranges, in sizes of the map, at which a landmark at infinity starts once more, all else being as it is. They are
+    /// given the iterations of a start: views have to follow it.
+    pub back: [f64; 4],
 }
 
 impl Default for MoveOptions {
@@ -122,6 +125,7 @@ impl Default for MoveOptions {
             persistent_tried: 20,
             rounds: 10,
             iterations: 10,
+            back: [0.3, 1.0, 3.0, 10.0],
         }
     }
 }
