@@ -222,6 +222,11 @@ impl FixedByPriors {
         self.points.is_empty() && self.heading && self.scale
     }
 
+    /// Whether a position is fixed.
+    pub fn place(&self) -> bool {
+        !self.points.is_empty()
+    }
+
     fn add(&mut self, subject: Subject) {
         if self.points.len() < 2 && !self.points.contains(&subject) {
             self.points.push(subject);

@@ -22,20 +22,34 @@ use nalgebra::{UnitComplex, Vector2, Vector3};
 /// some ten milliseconds for a factorisation.
 pub const MAX_FULL: usize = 512;
 
-/// Completes an adjustment by Newton's method, with landmarks on boundaries where that lowers the cost.
+/// Maximum number of iterations, times the cube of the number of parameters, as which their time grows: 1000 of 200
+/// parameters, which take a second or two. Gauss-Newton may go on.
+const WORK: f64 = 8e9;
+
+/// The iterations of a problem with so many parameters that may be spent on Newton's method.
+pub fn affordable(parameters: usize) -> usize {
+    let parameters = parameters.max(1) as f64;
+    (WORK / (parameters * parameters * parameters)) as usize
+}
+
+/// Completes an adjustment by Newton's method, with landmarks on boundaries where that lowers the cost, until the total
+/// number of iterations reaches `limit`.
 ///
 /// # Errors
 /// As [`BundleAdjustment::run`].
-pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Error> {
+pub fn finish(
+    adjustment: &mut BundleAdjustment<'_, '_>,
+    limit: usize,
+) -> Result<Termination, Error> {
     let mut newton = Newton::new(Boundaries::new(adjustment.problem), adjustment.problem);
     loop {
-        let termination = descend(adjustment, &mut newton)?;
+        let termination = descend(adjustment, &mut newton, limit)?;
         // Whichever way it ends: on its view a landmark has no bearing, and next to it by rounding has any.
         if newton.boundaries.step_inside(adjustment) {
             return Ok(termination);
         }
         newton.number_parameters();
-        if adjustment.iterations >= adjustment.options.max_iterations {
+        if adjustment.iterations >= limit {
             return Ok(Termination::MaxIterations);
         }
     }
@@ -45,8 +59,8 @@ pub fn finish(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, 
 fn descend(
     adjustment: &mut BundleAdjustment<'_, '_>,
     newton: &mut Newton<'_>,
+    limit: usize,
 ) -> Result<Termination, Error> {
-    let limit = adjustment.options.max_iterations;
     loop {
         let end = newton.boundaries.limit_of_run(adjustment, limit);
         let termination = adjustment.run(newton, end)?;
@@ -383,6 +397,14 @@ mod tests {
         let boundaries = [Boundary::View(4), Boundary::Infinity(2)];
         let newton = Newton::new(Boundaries::entered(problem, &bundle, &boundaries), problem);
         (bundle, newton)
+    }
+
+    #[test]
+    fn many_parameters_afford_few_iterations() {
+        assert_eq!(
+            [0, 50, 200, 400, MAX_FULL].map(affordable),
+            [8_000_000_000, 64_000, 1000, 125, 59]
+        );
     }
 
     /// The Hessian without the stiffness of the gauge is the derivative of the gradient.

@@ -4,6 +4,7 @@
 use super::boundary;
 use super::bundle::{Bundle, Rows};
 use super::elimination::{GroupedSightings, gauge, keeps_landmarks};
+use super::gauge::FixedByPriors;
 use super::newton;
 use super::normal_equations::Normal;
 use super::prior_rows::linearize;
@@ -91,18 +92,26 @@ pub fn refine_map(
     let mut adjustment = BundleAdjustment::new(active, options, observer, bundle)?;
     let mut termination = descend(&mut adjustment)?;
     let mut unit = unit;
+    let fixed = FixedByPriors::of(active);
     for _ in 0..RESCALINGS {
-        if adjustment.iterations >= options.max_iterations || !active.priors().is_empty() {
+        if adjustment.iterations >= options.max_iterations {
             break;
         }
-        let Some(grown) = drifted(&adjustment.bundle) else {
+        let Some(grown) = drifted(&adjustment.bundle, &fixed) else {
             break;
         };
-        adjustment.bundle.come_home();
-        adjustment.bundle.scale(1.0 / grown);
+        if active.priors().is_empty() {
+            adjustment.bundle.come_home();
+            adjustment.bundle.scale(1.0 / grown);
+            unit *= grown;
+        } else {
+            let Some(frame) = fixed.frame(&adjustment.bundle) else {
+                break;
+            };
+            adjustment.bundle.transform(&frame);
+        }
         adjustment.bundle.bring_in();
         adjustment.relinearize();
-        unit *= grown;
         termination = descend(&mut adjustment)?;
     }
     let BundleAdjustment {
@@ -131,13 +140,17 @@ const DRIFTED: f64 = 1e4;
 
 /// The size of a map that has drifted, as the power of two in which it should go on; `None` where it has not.
 ///
-/// Nothing holds the gauge of a map from bearings alone: a step along a direction that is hardly determined may enlarge
-/// it a million times.
-fn drifted(bundle: &Bundle) -> Option<f64> {
+/// Nothing holds what priors leave free of the gauge: a step along a direction that is hardly determined may enlarge a
+/// map a million times, and one towards a single known position may shrink it to a point there.
+fn drifted(bundle: &Bundle, fixed: &FixedByPriors) -> Option<f64> {
+    if fixed.scale {
+        return None;
+    }
     let grown = bundle.unit().ok()?;
     let first = bundle.poses.first()?.translation.vector.amax();
-    let stays = grown <= DRIFTED && grown * DRIFTED >= 1.0 && first <= DRIFTED * grown;
-    (!stays).then_some(grown)
+    let stays = grown <= DRIFTED && grown * DRIFTED >= 1.0;
+    let is_home = fixed.place() || first <= DRIFTED * grown;
+    (!(stays && is_home)).then_some(grown)
 }
 
 /// Descends with the solver that suits the problem.
@@ -204,15 +217,50 @@ where
     minimize_by(adjustment, &mut reduced)
 }
 
+/// Times that a descent with odometry or priors begins anew where Newton's method has ended.
+const RENEWALS: usize = 3;
+
+/// Share of its cost by which such a descent must have lowered it to begin anew.
+const WORTH: f64 = 1e-3;
+
 /// Minimises by Gauss-Newton steps; small problems that do not converge soon, or only at a boundary, continue with
-/// Newton's method.
+/// Newton's method for as many iterations as are affordable.
+///
+/// Odometry and priors may be so much sharper or weaker than bearings that a descent ends where its damping holds back
+/// the weakest: it begins anew until that gains no more.
 fn minimize_by(
     adjustment: &mut BundleAdjustment<'_, '_>,
     solver: &mut impl StepSolver,
 ) -> Result<Termination, Error> {
+    let mut before = adjustment.cost;
+    let (mut termination, mut by_newton) = minimize_once(adjustment, solver)?;
+    if adjustment.problem.priors().is_empty() {
+        return Ok(termination);
+    }
+    for _ in 0..RENEWALS {
+        let is_lower = adjustment.cost < before * (1.0 - WORTH);
+        if !(by_newton && termination.was_successful() && is_lower) {
+            break;
+        }
+        before = adjustment.cost;
+        let renewed = minimize_once(adjustment, solver)?;
+        // A descent that gains nothing says no more than the one before.
+        if adjustment.cost < before * (1.0 - WORTH) {
+            (termination, by_newton) = renewed;
+        }
+    }
+    Ok(termination)
+}
+
+/// A descent, and whether Newton's method has ended it.
+fn minimize_once(
+    adjustment: &mut BundleAdjustment<'_, '_>,
+    solver: &mut impl StepSolver,
+) -> Result<(Termination, bool), Error> {
     let problem = adjustment.problem;
     let limit = adjustment.options.max_iterations;
-    let small = 3 * problem.views() + 2 * problem.landmarks() <= newton::MAX_FULL;
+    let parameters = 3 * problem.views() + 2 * problem.landmarks();
+    let small = parameters <= newton::MAX_FULL;
     let squared = adjustment.options.loss == Loss::Squared;
     let newton = small && squared && adjustment.options.damping > 0.0;
     let first = if newton {
@@ -220,13 +268,25 @@ fn minimize_by(
     } else {
         limit
     };
-    match adjustment.run(solver, first)? {
-        Termination::MaxIterations if first < limit => newton::finish(adjustment),
-        Termination::Converged if newton && boundary::near_boundary(adjustment) => {
-            newton::finish(adjustment)
-        }
-        termination => Ok(termination),
+    let affordable = limit.min(newton::affordable(parameters));
+    let termination = adjustment.run(solver, first)?;
+    let suits = match termination {
+        Termination::MaxIterations => first < limit,
+        Termination::Converged => newton && boundary::near_boundary(adjustment),
+        _ => false,
+    };
+    if !suits {
+        return Ok((termination, false));
     }
+    if adjustment.iterations < affordable {
+        let termination = newton::finish(adjustment, affordable)?;
+        if termination != Termination::MaxIterations || affordable == limit {
+            return Ok((termination, true));
+        }
+    } else if termination == Termination::Converged {
+        return Ok((termination, false));
+    }
+    Ok((adjustment.run(solver, limit)?, false))
 }
 
 /// The reduced normal equations of Gauss-Newton.

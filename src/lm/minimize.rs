@@ -23,7 +23,8 @@
 //! The descent has converged when a gain, or the predicted next one, is below the tolerance, or when the
 //! model predicts no more than that. It has not converged if a gain grows while the damping shrinks, if the
 //! damping has grown, or if the model promises more of a longer step in the same direction, because the damping
-//! then still limits the step.
+//! then still limits the step. Where the damping has grown until no step gains more than rounding, it falls back to
+//! where it usually begins; the descent ends without progress when none from there up gains anything.
 //!
 //! The loop is independent of poses, landmarks and matrices, which belong to a [`LeastSquares`] problem. It
 //! uses no heap and cannot panic.
@@ -34,7 +35,7 @@
 use super::options::{
     AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
     HELD_BACK, LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP,
-    RESOLVED_EPS, RefineOptions, ZERO_RESIDUAL_EPS,
+    RENEWED_DAMPING, RESOLVED_EPS, RefineOptions, ZERO_RESIDUAL_EPS,
 };
 use super::prediction::Prediction;
 use super::termination::Termination;
@@ -124,7 +125,22 @@ pub fn minimize<T: Real>(
     let mut last_damping = damping;
     // The damping at which the last step was rejected, for a problem that keeps it.
     let mut refused = zero;
+    // The smallest damping since the last accepted step, and the cost when the damping last fell back.
+    let mut least_damping = damping;
+    let mut renewed_at = None;
     let termination = loop {
+        if damping > T::lit(MAX_DAMPING) {
+            // Steps this short gain no more than rounding, whatever longer ones would gain.
+            let untried = least_damping > T::lit(RENEWED_DAMPING);
+            let worth = tolerance.max(T::lit(RESOLVED_EPS) * T::eps());
+            if !untried || renewed_at.is_some_and(|then| cost >= then * (T::one() - worth)) {
+                break Termination::NoProgress;
+            }
+            damping = T::lit(RENEWED_DAMPING);
+            renewed_at = Some(cost);
+            refused = zero;
+        }
+        least_damping = least_damping.min(damping);
         if cost <= rounding {
             break Termination::ZeroResidual;
         }
@@ -178,10 +194,8 @@ pub fn minimize<T: Real>(
                     }
                 } else if ratio < T::lit(POOR_STEP) {
                     damping *= T::lit(AFTER_POOR_STEP);
-                    if damping > T::lit(MAX_DAMPING) {
-                        break Termination::NoProgress;
-                    }
                 }
+                least_damping = damping;
                 continue;
             }
             Some(trial)
@@ -195,9 +209,6 @@ pub fn minimize<T: Real>(
             None if gauss_newton => break Termination::Singular,
             Some(_) => problem.reject(),
             None => {}
-        }
-        if damping > T::lit(MAX_DAMPING) {
-            break Termination::NoProgress;
         }
         if problem.keeps_refused_damping() {
             refused = damping;
@@ -464,5 +475,64 @@ mod tests {
         // Nor does the ratio of two gains tell the next, far from the minimum.
         const FAR: &[(f64, f64)] = &[(1e15, 1e15), (0.1, 0.1), (0.2, 0.2)];
         assert!(iterations(1e15 + 1.0, FAR, 1e-4).1 > 3);
+    }
+
+    /// A cost of which short steps gain no more than rounding: none above a damping.
+    struct Rounding {
+        cost: f64,
+        bound: f64,
+        tried: usize,
+    }
+
+    impl LeastSquares<f64> for Rounding {
+        fn cost(&self) -> f64 {
+            self.cost
+        }
+
+        fn try_step(&mut self, damping: f64) -> Option<Trial<f64>> {
+            self.tried += 1;
+            let gain = if damping < self.bound { 0.9 } else { 0.0 } * (self.cost - 1.0);
+            Some(Trial {
+                cost: self.cost - gain,
+                predicted: Prediction::new(self.cost - 1.0, 0.0),
+            })
+        }
+
+        fn accept(&mut self) {
+            self.cost -= 0.9 * (self.cost - 1.0);
+        }
+
+        fn reject(&mut self) {}
+
+        fn rounding(&self) -> f64 {
+            0.0
+        }
+    }
+
+    #[test]
+    fn there_is_no_progress_only_where_no_damping_makes_any() {
+        let ends = |damping: f64, bound: f64| {
+            let mut problem = Rounding {
+                cost: 10.0,
+                bound,
+                tried: 0,
+            };
+            let options = RefineOptions {
+                damping,
+                ..RefineOptions::default()
+            };
+            let outcome = minimize(&mut problem, &options, |_, _| true).unwrap();
+            (outcome.termination, outcome.cost, problem.tried)
+        };
+        for damping in [1e-4, 1.0, 1e8] {
+            let (termination, cost, _) = ends(damping, 0.1);
+            assert_eq!(termination, Termination::Converged);
+            assert!(cost < 1.0 + 1e-6, "{damping}: {cost}");
+        }
+        // All from the usual damping up to the largest are tried, once.
+        let (termination, cost, tried) = ends(1e6, 1e-5);
+        assert_eq!((termination, cost), (Termination::NoProgress, 10.0));
+        assert_eq!(tried, 3 + 13);
+        assert_eq!(ends(1e-4, 1e-5).2, 13);
     }
 }

@@ -72,6 +72,9 @@ pub const MIN_RAISED_DAMPING: f64 = 1e-5;
 /// a descent that began above it could not move.
 pub const MAX_DAMPING: f64 = 1e8;
 
+/// Damping to which it falls back after it has exceeded [`MAX_DAMPING`]: the default of the option.
+pub const RENEWED_DAMPING: f64 = 1e-4;
+
 /// Ratio of successive gains below which the descent converges so fast that the next gain can be predicted,
 /// as for a nearly quadratic cost under a good model.
 pub const CONVERGING: f64 = 0.05;

@@ -185,10 +185,18 @@ impl Map {
         if !(scale > 0.0 && scale.is_finite()) {
             return self.clone();
         }
-        let home = first.inverse();
-        let shift = Translation2::from(home.translation.vector * scale);
-        let similarity = Similarity2::from_parts(shift, home.rotation, scale);
-        let mut map = self.transformed(&similarity);
+        // Differences first: they are exact however far the map is from its origin, and the sums of a shift are not.
+        let home = first.translation.vector;
+        let turned =
+            Similarity2::from_parts(Translation2::identity(), first.rotation.inverse(), scale);
+        let mut map = self.clone();
+        for pose in map.poses.iter_mut().flatten() {
+            pose.translation.vector -= home;
+        }
+        for point in map.landmarks.iter_mut().flatten() {
+            point.coords -= home;
+        }
+        let mut map = map.transformed(&turned);
         // Make the first view exact, and rotations unit again.
         for (k, pose) in map.poses.iter_mut().flatten().enumerate() {
             if k == 0 {

@@ -37,7 +37,8 @@ class Request:
         """From the arguments of a call that was not refused, with or without odometry and priors."""
         table = np.asarray(arguments["bearings"], dtype=float)
         view, landmark = np.nonzero(~np.isnan(table))
-        sigma = np.asarray(arguments.get("sigma", 1.0), dtype=float)
+        given = arguments.get("sigma")
+        sigma = np.asarray(1.0 if given is None else given, dtype=float)
         # A list of sightings may have one for each of them.
         listed = arguments.get("form", "dense") != "dense" and sigma.shape == view.shape
         sigma = sigma if listed else np.broadcast_to(sigma, table.shape)[view, landmark]

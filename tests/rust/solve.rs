@@ -6,6 +6,7 @@ use bearslam::{
     Arena, Error, Layout, Method, Problem, RefineOptions, SearchOptions, Sighting, SolveOptions,
     Strategy, Subject, Termination, Why, initialize, refine, simulate, solve,
 };
+use nalgebra::{Similarity2, Vector2};
 
 #[test]
 fn exact_bearings_give_back_the_scene() {
@@ -281,6 +282,17 @@ fn progress_can_stop_the_work() {
     );
     assert_eq!(stopped, Err(Error::Interrupted));
     assert_eq!(calls, 10);
+}
+
+/// However far it is from its origin, a map keeps the digits that it has.
+#[test]
+fn a_map_far_from_its_origin_is_normalized_to_the_last_digit() {
+    let scene = scene(Layout::Mixed, 5, 8, 0.0, 3);
+    let away = Similarity2::new(Vector2::new(1e9, -3e9), 0.4, 7.0);
+    let map = truth(&scene).transformed(&away).normalized();
+    let places = map.poses.iter().flatten().map(|p| p.translation.vector);
+    let squares: f64 = places.map(|place| place.norm_squared()).sum();
+    assert!((squares / 4.0 - 1.0).abs() < 1e-14, "{squares}");
 }
 
 #[test]

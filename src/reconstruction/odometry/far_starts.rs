@@ -6,6 +6,7 @@
 //! odometry and bearings want them.
 
 use super::super::infinity::far_out;
+use super::options::PosteriorOptions;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::points::extent;
@@ -14,8 +15,14 @@ use crate::problem::{Map, Prior, Problem};
 use alloc::vec::Vec;
 
 /// The map with every landmark that no prior knows on a circle around the views, once for each radius in units of the
-/// distance that the views may have moved; none where all landmarks that three views see have more than this parallax.
-pub fn far_starts(problem: &Problem, start: &Map, min_parallax: f64, radii: &[f64]) -> Vec<Map> {
+/// distance that the views may have moved; none where all landmarks that three views see have more than this parallax,
+/// of many views half of them.
+pub fn far_starts(
+    problem: &Problem,
+    start: &Map,
+    min_parallax: f64,
+    options: &PosteriorOptions,
+) -> Vec<Map> {
     let known = problem.known_landmarks();
     let is_flat = |&landmark: &usize| {
         let rays = start.rays(problem, landmark);
@@ -24,7 +31,14 @@ pub fn far_starts(problem: &Problem, start: &Map, min_parallax: f64, radii: &[f6
                 .is_ok_and(|found| found.parallax > min_parallax)
     };
     let unknown = (0..problem.landmarks()).filter(|&landmark| !known[landmark]);
-    if !unknown.clone().any(|landmark| is_flat(&landmark)) {
+    let flat = unknown.clone().filter(is_flat).count();
+    // Beyond so many views a few such landmarks are left to what they end in.
+    let enough = if problem.views() > options.many_views {
+        (problem.landmarks() / 2).max(1)
+    } else {
+        1
+    };
+    if flat < enough {
         return Vec::new();
     }
     let moved = moved(problem, start);
@@ -37,7 +51,7 @@ pub fn far_starts(problem: &Problem, start: &Map, min_parallax: f64, radii: &[f6
         }
         map
     };
-    radii.iter().map(on_circle).collect()
+    options.far_radii.iter().map(on_circle).collect()
 }
 
 /// The extent of the views, and what the odometry leaves open of it.
@@ -78,9 +92,10 @@ mod tests {
         let problem = problem.with_odometry(&odometry).unwrap();
         let mut start = scene.map();
         start.poses = vec![Some(scene.poses[0]); 4];
-        let found = far_starts(&problem, &start, 0.05, &[3.0, 10.0]);
+        let options = PosteriorOptions::default();
+        let found = far_starts(&problem, &start, 0.05, &options);
         let home = scene.poses[0];
-        for (map, radius) in found.iter().zip([3.0, 10.0]) {
+        for (map, radius) in found.iter().zip(options.far_radii) {
             for (truth, place) in scene.landmarks.iter().zip(&map.landmarks) {
                 let away = place.unwrap().coords - home.translation.vector;
                 let moved = 0.2 * 3.0_f64.sqrt();
@@ -89,9 +104,9 @@ mod tests {
                 assert!(away.angle(&toward) < 1e-6);
             }
         }
-        assert_eq!(found.len(), 2);
+        assert_eq!(found.len(), options.far_radii.len());
 
         let moving = Problem::dense(4, 6, &scene.bearings, 0.01).unwrap();
-        assert!(far_starts(&moving, &scene.map(), 0.05, &[3.0]).is_empty());
+        assert!(far_starts(&moving, &scene.map(), 0.05, &options).is_empty());
     }
 }

@@ -86,14 +86,11 @@ pub fn solve_posterior(
         }
         starts.extend(grown);
     }
-    if !(many || options.robust)
+    if !options.robust
         && let Some(start) = starts.first()
     {
-        let (least, radii) = (
-            stages.odometry_growth.min_parallax,
-            &stages.posterior.far_radii,
-        );
-        for far in far_starts(problem, start, least, radii) {
+        let least = stages.odometry_growth.min_parallax;
+        for far in far_starts(problem, start, least, &stages.posterior) {
             attempts.refine_fitted(&far)?;
         }
     }

@@ -183,7 +183,8 @@ pub fn from_start(
     }
     let mut random = ChaCha8Rng::seed_from_u64(options.seed);
     let options = &with_squares(options);
-    let Some(consensus) = cauchy_consensus(problem, start.clone(), options)? else {
+    let found = cauchy_consensus(problem, start.clone(), f64::INFINITY, options)?;
+    let Some(consensus) = found else {
         return Ok(None);
     };
     let consensus = reestimate_each(problem, consensus, options, &mut random, progress)?;

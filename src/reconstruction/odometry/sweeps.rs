@@ -37,7 +37,8 @@ pub fn sweep_odometry(
                 return Err(Error::Interrupted);
             }
             let map = swept(problem, &motions, &best.map, backward, steps);
-            if let Some(found) = cauchy_consensus(problem, map, options)?
+            if let Some(found) =
+                cauchy_consensus(problem, map, best.limit(&stages.robust), options)?
                 && found.is_below(&best)
             {
                 best = reestimate_each(problem, found, options, random, progress)?;
@@ -50,7 +51,8 @@ pub fn sweep_odometry(
     }
     for bound in stage.bounds {
         let kept = inliers(problem, &best.map, bound);
-        let found = fixed_point(problem, best.map.clone(), kept, options)?;
+        let limit = best.limit(&stages.robust);
+        let found = fixed_point(problem, best.map.clone(), kept, limit, options)?;
         if let Some(found) = found.filter(|found| found.is_below(&best)) {
             best = found;
         }

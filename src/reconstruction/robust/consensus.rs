@@ -10,6 +10,7 @@ use super::super::choice::same;
 use super::super::judge::JudgeOptions;
 use super::super::options::SolveOptions;
 use super::super::result::Reconstruction;
+use super::options::RobustOptions;
 use crate::adjustment::gauge::in_reported_frame;
 use crate::adjustment::{Report, cost_of_priors};
 use crate::error::Error;
@@ -155,8 +156,9 @@ fn refined(
 
 /// The fixed point that a set of inliers leads to.
 ///
-/// Only of a set that stays the same is the map refined to the end: slow maps would take all their iterations for every
-/// set on the way.
+/// Only of a set that stays the same, and costs no more than `limit` by then, is the map refined to the end: slow maps
+/// would take all their iterations for every set on the way, and for each that is never the best. Under a limit they
+/// take no more iterations than many comparisons can afford.
 ///
 /// `None` when they do not determine a map.
 ///
@@ -166,9 +168,15 @@ pub fn fixed_point(
     problem: &Problem,
     mut map: Map,
     mut kept: Vec<bool>,
+    limit: f64,
     options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
     let robust = &options.stages.robust;
+    let most = if limit < f64::INFINITY {
+        robust.compared_iterations(3 * problem.views() + 2 * problem.landmarks())
+    } else {
+        robust.finished_iterations
+    };
     let mut changes = 0;
     let mut iterations = robust.changing_iterations;
     while changes < robust.inlier_changes {
@@ -181,13 +189,14 @@ pub fn fixed_point(
             kept = next;
             changes += 1;
             iterations = robust.changing_iterations;
-        } else if report.termination == Termination::MaxIterations
-            && iterations < robust.finished_iterations
-        {
-            iterations = robust.finished_iterations;
+            continue;
+        }
+        let cost = cost(problem, &map, OUTLIER);
+        if report.termination == Termination::MaxIterations && iterations < most && cost <= limit {
+            iterations = most;
         } else {
             return Ok(Some(Consensus {
-                cost: cost(problem, &map, OUTLIER),
+                cost,
                 map,
                 inliers: kept,
                 report,
@@ -197,13 +206,14 @@ pub fn fixed_point(
     Ok(None)
 }
 
-/// The fixed point near a rough map.
+/// The fixed point near a rough map, refined as that of [`fixed_point`].
 ///
 /// # Errors
 /// As [`descend`].
 pub fn to_consensus(
     problem: &Problem,
     mut map: Map,
+    limit: f64,
     options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
     let robust = &options.stages.robust;
@@ -212,7 +222,7 @@ pub fn to_consensus(
         descend(problem, &mut map, bound, iterations, options)?;
     }
     let kept = inliers(problem, &map, OUTLIER);
-    fixed_point(problem, map, kept, options)
+    fixed_point(problem, map, kept, limit, options)
 }
 
 /// The fixed point that a start leads to by way of the minimum with Cauchy's loss, which outliers hardly move.
@@ -222,6 +232,7 @@ pub fn to_consensus(
 pub fn cauchy_consensus(
     problem: &Problem,
     mut map: Map,
+    limit: f64,
     options: &SolveOptions,
 ) -> Result<Option<Consensus>, Error> {
     let soft = RefineOptions {
@@ -230,10 +241,43 @@ pub fn cauchy_consensus(
     };
     // If the whole cannot be refined, its inliers may still be.
     attempt(problem, &mut map, &soft, None)?;
-    to_consensus(problem, map, options)
+    to_consensus(problem, map, limit, options)
+}
+
+/// The options with which sets of inliers are compared: their maps need not be refined to the end, which takes most of
+/// the time, and few of them are kept.
+pub fn without_finish(options: &SolveOptions) -> SolveOptions {
+    let mut rough = *options;
+    rough.stages.robust.finished_iterations = options.stages.robust.changing_iterations;
+    rough
 }
 
 impl Consensus {
+    /// The same refined further, in at most so many iterations, where a comparison has ended its refinement.
+    ///
+    /// # Errors
+    /// As [`descend`].
+    pub fn finished(
+        self,
+        problem: &Problem,
+        iterations: usize,
+        options: &SolveOptions,
+    ) -> Result<Self, Error> {
+        if self.report.termination != Termination::MaxIterations {
+            return Ok(self);
+        }
+        let (map, kept) = (self.map.clone(), self.inliers.clone());
+        let mut options = *options;
+        options.stages.robust.finished_iterations = iterations;
+        let finished = fixed_point(problem, map, kept, f64::INFINITY, &options)?;
+        Ok(finished.unwrap_or(self))
+    }
+
+    /// The cost up to which a rough map may be below this one when it is refined to the end.
+    pub fn limit(&self, options: &RobustOptions) -> f64 {
+        self.cost + options.finished_outliers * OUTLIER * OUTLIER / 2.0
+    }
+
     /// From the result of a non-robust solve.
     pub fn of(problem: &Problem, found: Reconstruction) -> Self {
         Self {
@@ -277,6 +321,49 @@ impl Consensus {
 mod tests {
     use super::*;
     use crate::geometry::pose;
+    use crate::simulate::{Arena, Layout, simulate};
+    use alloc::vec;
+
+    /// A map that is slow, because its damping starts high, is refined to the end only where that may be of use.
+    #[test]
+    fn only_what_may_be_the_best_is_refined_to_the_end() {
+        let scene = simulate(Layout::Mixed, 6, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(6, 9, &scene.bearings, 0.01).unwrap();
+        let mut options = SolveOptions::default();
+        options.refine.damping = 1e6;
+        let mut start = scene.map();
+        for pose in start.poses.iter_mut().flatten() {
+            pose.translation.vector *= 1.0 + 1e-3;
+        }
+        let all = vec![true; 54];
+        let ended = |limit| {
+            let (map, kept) = (start.clone(), all.clone());
+            let found = fixed_point(&problem, map, kept, limit, &options).unwrap();
+            let found = found.unwrap();
+            (found.report.termination, found.cost)
+        };
+        let (rough, cost) = ended(0.0);
+        assert_eq!(rough, Termination::MaxIterations);
+        assert_eq!(ended(cost * 0.999), (rough, cost));
+        let (finished, least) = ended(cost * 1.001);
+        assert!(
+            finished == Termination::Converged && least < cost,
+            "{least} {cost}"
+        );
+        assert_eq!(ended(f64::INFINITY), (finished, least));
+        // With more unknowns than can be afforded no map is finished for a comparison.
+        options.stages.robust.finished_unknowns = 10;
+        let ended = |limit| {
+            let (map, kept) = (start.clone(), all.clone());
+            let found = fixed_point(&problem, map, kept, limit, &options).unwrap();
+            found.unwrap()
+        };
+        let compared = ended(1e9);
+        assert_eq!((compared.report.termination, compared.cost), (rough, cost));
+        let last = compared.finished(&problem, 100, &options).unwrap();
+        assert_eq!((last.report.termination, last.inliers), (finished, all));
+        assert!((last.cost / least - 1.0).abs() < 1e-9);
+    }
 
     /// From every direction, with rays and with lines.
     #[test]

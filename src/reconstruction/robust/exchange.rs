@@ -34,7 +34,8 @@ pub fn exchange(
             for k in set {
                 kept[k] = !kept[k];
             }
-            lower = fixed_point(problem, best.map.clone(), kept, options)?
+            let limit = best.limit(robust);
+            lower = fixed_point(problem, best.map.clone(), kept, limit, options)?
                 .filter(|found| found.is_below(&best));
             if lower.is_some() {
                 break;

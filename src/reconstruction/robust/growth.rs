@@ -11,7 +11,9 @@ use super::super::incremental::join::merged;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::search::triples;
 use super::super::stages::StageOptions;
-use super::consensus::{Consensus, OUTLIER, cauchy_consensus, cost, inliers, with_cauchy};
+use super::consensus::{
+    Consensus, OUTLIER, cauchy_consensus, cost, inliers, with_cauchy, without_finish,
+};
 use super::consensus_places::ConsensusPlaces;
 use super::reassign::reestimate_each;
 use super::regrow::regrow;
@@ -95,6 +97,7 @@ fn component(
     found.truncate(options.stages.regrowth.maps);
     let mut best: Option<Consensus> = None;
     for map in found {
+        let map = map.finished(own, options.stages.robust.finished_iterations, options)?;
         let map = regrow(own, map, free, seeds, options, random, progress)?;
         if best.as_ref().is_none_or(|best| map.is_below(best)) {
             best = Some(map);
@@ -103,7 +106,7 @@ fn component(
     Ok(best.map(|best| of_whole(problem, best)))
 }
 
-/// The fixed points that seeds lead to, each once. With many views, where each takes long, two seeds that lead to the
+/// The fixed points that seeds lead to, each once, not yet refined to the end. With many views, where each takes long, two seeds that lead to the
 /// same are enough.
 fn from_seeds(
     problem: &Problem,
@@ -114,7 +117,7 @@ fn from_seeds(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Consensus>, Error> {
     let StageOptions { robust, sight, .. } = &options.stages;
-    let soft = with_cauchy(options);
+    let (soft, compared) = (with_cauchy(options), &without_finish(options));
     let mut found: Vec<Consensus> = Vec::new();
     // No two seeds share a view.
     let mut used = vec![false; problem.views()];
@@ -135,10 +138,11 @@ fn from_seeds(
             free,
             progress,
         )? {
-            let Some(consensus) = cauchy_consensus(problem, map, options)? else {
+            let found_here = cauchy_consensus(problem, map, f64::INFINITY, compared)?;
+            let Some(consensus) = found_here else {
                 continue;
             };
-            let consensus = reestimate_each(problem, consensus, options, random, progress)?;
+            let consensus = reestimate_each(problem, consensus, compared, random, progress)?;
             let known = |other: &Consensus| other.agrees(&consensus, robust.confirming_percent);
             if !found.iter().any(known) {
                 found.push(consensus);
@@ -205,7 +209,7 @@ fn joined(
     let apart = first.cost + second.cost - outlier * problem.sightings().len() as f64;
     let inliers = problem.subset(&kept);
     for start in merged(&inliers, incremental, &first.map, &second.map) {
-        let joined = cauchy_consensus(problem, start, options)?;
+        let joined = cauchy_consensus(problem, start, f64::INFINITY, options)?;
         if let Some(joined) = joined
             && joined.cost < apart + robust.rival_cost
         {

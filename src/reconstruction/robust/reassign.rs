@@ -35,7 +35,7 @@ pub fn reestimate_each(
         if kept == best.inliers {
             break;
         }
-        match fixed_point(problem, map, kept, options)? {
+        match fixed_point(problem, map, kept, best.limit(robust), options)? {
             Some(found) if found.is_below(&best) => best = found,
             _ => break,
         }
@@ -123,7 +123,8 @@ pub fn reassign(
             if tied && cost(problem, &map, OUTLIER) > limit {
                 continue;
             }
-            lower = to_consensus(problem, map, options)?.filter(|found| found.is_below(&best));
+            lower = to_consensus(problem, map, best.limit(robust), options)?
+                .filter(|found| found.is_below(&best));
             if lower.is_some() {
                 break;
             }

@@ -6,7 +6,9 @@ use super::super::incremental::growth::IncrementalGrowth;
 use super::super::incremental::regrow::without_part;
 use super::super::options::{Progress, SolveOptions, report_progress};
 use super::super::stages::StageOptions;
-use super::consensus::{Consensus, OUTLIER, cost, descend, fixed_point, inliers, with_cauchy};
+use super::consensus::{
+    Consensus, OUTLIER, cost, descend, fixed_point, inliers, with_cauchy, without_finish,
+};
 use super::consensus_places::ConsensusPlaces;
 use super::options::RegrowthOptions;
 use super::reassign::{place_each, reestimate_each};
@@ -34,7 +36,10 @@ pub fn regrow(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Consensus, Error> {
     let soft = with_cauchy(options);
-    let StageOptions { regrowth, .. } = &options.stages;
+    let compared = &without_finish(options);
+    let StageOptions {
+        regrowth, robust, ..
+    } = &options.stages;
     let tries = tries(problem.views(), regrowth);
     let (mut failed, mut left) = (0, tries.saturating_mul(regrowth.successes));
     while failed < tries && left > 0 {
@@ -67,11 +72,16 @@ pub fn regrow(
             continue;
         }
         let kept = inliers(problem, &map, OUTLIER);
-        let Some(found) = fixed_point(problem, map, kept, options)? else {
+        let Some(found) = fixed_point(problem, map, kept, f64::INFINITY, compared)? else {
             continue;
         };
-        let found = reestimate_each(problem, found, options, random, progress)?;
-        if found.is_below(&best) {
+        let found = reestimate_each(problem, found, compared, random, progress)?;
+        let limit = best.limit(robust);
+        if found.cost > limit {
+            continue;
+        }
+        let found = fixed_point(problem, found.map, found.inliers, limit, options)?;
+        if let Some(found) = found.filter(|found| found.is_below(&best)) {
             best = found;
             failed = 0;
         }

@@ -9,7 +9,7 @@ use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
 use super::consensus::{
-    Consensus, OUTLIER, cost, fixed_point, inliers, to_consensus, with_squares,
+    Consensus, OUTLIER, cost, fixed_point, inliers, to_consensus, with_squares, without_finish,
 };
 use super::exchange::exchange;
 use super::expand::expand;
@@ -50,6 +50,7 @@ pub fn solve_robust(
     }
     let best = lowest(problem, options, &mut random, progress)?;
     let best = improve(problem, best, options, &mut random, progress)?;
+    let best = best.finished(problem, options.refine.max_iterations, options)?;
     let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
     else {
         return Err(NOTHING);
@@ -77,6 +78,7 @@ fn with_components(
     if problem.views() <= stages.robust.improved_views {
         first = improve(problem, first, options, random, progress)?;
     }
+    let first = first.finished(problem, options.refine.max_iterations, options)?;
     let main = reconstruction(problem, &first, &stages.infinity);
     refuse_free(&problem.subset(&first.inliers), &main)?;
     refuse_chance(&main, &stages.judge)?;
@@ -156,7 +158,7 @@ fn lowest(
             }
             for motion in seed.branches(problem) {
                 let map = expand(problem, seed, motion, rough, random)?;
-                let Some(consensus) = to_consensus(problem, map, rough)? else {
+                let Some(consensus) = to_consensus(problem, map, f64::INFINITY, rough)? else {
                     continue;
                 };
                 let consensus = reestimate_each(problem, consensus, rough, random, progress)?;
@@ -177,14 +179,6 @@ fn lowest(
     exchanged(problem, found, options)
 }
 
-/// The options with which sets of inliers are compared: their maps need not be refined to the end, which takes most of
-/// the time, and few of them are kept.
-fn without_finish(options: &SolveOptions) -> SolveOptions {
-    let mut rough = *options;
-    rough.stages.robust.finished_iterations = options.stages.robust.changing_iterations;
-    rough
-}
-
 /// The best of some rough minima: the lowest few refined to the end, with sightings exchanged.
 fn exchanged(
     problem: &Problem,
@@ -194,12 +188,12 @@ fn exchanged(
     let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
-    found.truncate(options.stages.robust.exchanged);
+    let robust = &options.stages.robust;
+    found.truncate(robust.exchanged);
     let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
         .map(|rough| {
-            let (map, kept) = (rough.map.clone(), rough.inliers.clone());
-            let finished = fixed_point(problem, map, kept, options)?.unwrap_or(rough);
+            let finished = rough.finished(problem, robust.finished_iterations, options)?;
             exchange(problem, finished, options)
         })
         .collect();
@@ -245,7 +239,7 @@ fn from_plain_hypotheses(
         .into_iter()
         .take(options.stages.robust.plain_hypotheses)
     {
-        if let Some(consensus) = to_consensus(problem, hypothesis.map, options)? {
+        if let Some(consensus) = to_consensus(problem, hypothesis.map, f64::INFINITY, options)? {
             found.push(reestimate_each(
                 problem, consensus, options, random, progress,
             )?);
@@ -281,8 +275,7 @@ fn improve(
         let cost = best.cost;
         best = reestimate_each(problem, best, options, random, progress)?;
         best = reassign(problem, best, options, random, progress)?;
-        // Each round lowers the cost by more than rounding, or is the last.
-        if !(best.cost < cost) {
+        if !(best.cost + options.stages.robust.improve_worth < cost) {
             break;
         }
     }
@@ -311,7 +304,13 @@ fn confirm_by_plain_search(
                 all.push(Consensus::of(problem, found));
             } else {
                 let inliers = best.inliers.clone();
-                all.extend(fixed_point(problem, found.map, inliers, options)?);
+                all.extend(fixed_point(
+                    problem,
+                    found.map,
+                    inliers,
+                    f64::INFINITY,
+                    options,
+                )?);
             }
         }
     }

@@ -67,7 +67,7 @@ pub fn toggle(
             break;
         }
         let kept = inliers(problem, &map, OUTLIER);
-        match fixed_point(problem, map, kept, options)? {
+        match fixed_point(problem, map, kept, best.limit(robust), options)? {
             Some(found) if found.is_below(&best) => best = found,
             _ => break,
         }
