@@ -142,4 +142,31 @@ mod tests {
         }
         assert!(alone > 15, "{alone}");
     }
+
+    /// Triples that share a view are in one group; the largest comes first, and views in none are left out.
+    #[test]
+    fn triples_connect_views() {
+        let relative = |views: [usize; 3]| Relative {
+            views,
+            branches: Vec::new(),
+            quality: 1.0,
+        };
+        let triples = [[7, 8, 9], [0, 1, 2], [5, 4, 3], [2, 5, 10]].map(relative);
+        let found = groups(12, &triples);
+        assert_eq!(found, [vec![0, 1, 2, 3, 4, 5, 10], vec![7, 8, 9]]);
+        assert!(groups(4, &[]).is_empty());
+    }
+
+    /// A triple that shares more than the second draw needs has been in the first.
+    #[test]
+    fn a_triple_comes_once() {
+        let scene = simulate(Layout::Enclosed, 3, 6, 0.0, 1, Arena::default()).unwrap();
+        let problem = Problem::dense(3, 6, &scene.bearings, 1.0).unwrap();
+        assert!(relative(&problem, [0, 1, 2], 6, 5).unwrap().is_some());
+        assert!(relative(&problem, [0, 1, 2], 5, 5).unwrap().is_none());
+        let options = SolveOptions::default();
+        let found = relatives(&problem, &options, &mut None).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].views, [0, 1, 2]);
+    }
 }
