@@ -146,4 +146,42 @@ mod tests {
         let chosen = best(&problem, &options, Vec::from([other, whole.clone()]));
         assert_eq!(chosen.unwrap().cost, whole.cost);
     }
+
+    /// Two maps belong together when the joined map fits as well, and what ties them no worse than the noise allows.
+    #[test]
+    fn maps_belong_together_up_to_the_noise_of_their_ties() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let whole = Reconstruction::new(&problem, &map, report);
+        let with = |freedom: usize, cost: f64| {
+            let mut found = whole.clone();
+            (found.freedom, found.cost) = (freedom, cost);
+            found
+        };
+        let options = IncrementalOptions::default();
+        // Unit variance each; the ties add eight degrees of freedom.
+        let (first, second) = (with(60, 30.0), with(32, 16.0));
+        let most = 8.0 + 5.0 * 4.0 + 25.0;
+        for (excess, belong) in [(0.0, true), (0.99 * most, true), (1.01 * most, false)] {
+            let joined = with(100, 46.0 + 0.5 * excess);
+            assert_eq!(
+                belong_together(&problem, &options, [&first, &second], &joined),
+                belong
+            );
+        }
+        // Many ties may be worse than the maps, but not by more than twice the residuals.
+        let fits = IncrementalOptions {
+            joining_deviations: 1e3,
+            ..options
+        };
+        for (variance, belong) in [(3.99, true), (4.01, false)] {
+            let joined = with(100, 50.0 * variance);
+            assert_eq!(
+                belong_together(&problem, &fits, [&first, &second], &joined),
+                belong
+            );
+        }
+    }
 }
