@@ -212,6 +212,16 @@ mod tests {
             found.to_string(),
             "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, not refined; 1 other component"
         );
+        found.undetermined = [Subject::View(1), Subject::Landmark(3), Subject::Landmark(4)]
+            .map(|subject| Undetermined {
+                subject,
+                why: Why::Degenerate,
+            })
+            .to_vec();
+        assert_eq!(
+            found.to_string(),
+            "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, not refined; 1 view and 2 landmarks undetermined; 1 other component"
+        );
         let all = "12 views, 15 landmarks; 12 views and 15 landmarks undetermined";
         assert_eq!(found.map.to_string(), all);
     }

@@ -169,4 +169,19 @@ mod tests {
         assert_eq!(found.len(), 1);
         assert_eq!(found[0].views, [0, 1, 2]);
     }
+
+    /// A triple is kept as long as one of its views is in few of them.
+    #[test]
+    fn each_view_is_in_a_few_triples() {
+        let scene = simulate(Layout::Enclosed, 8, 12, 0.0, 1, Arena::default()).unwrap();
+        let problem = Problem::dense(8, 12, &scene.bearings, 1.0).unwrap();
+        let mut options = SolveOptions::default();
+        options.stages.relative_headings.kept = 2;
+        let found = relatives(&problem, &options, &mut None).unwrap();
+        let times = |view: usize| found.iter().filter(|one| one.views.contains(&view)).count();
+        assert!((0..8).all(|view| times(view) >= 2));
+        // Every one but the last brings a view that was in fewer than two.
+        assert!(found.len() <= 16, "{}", found.len());
+        assert!(found.is_sorted_by(|a, b| a.quality >= b.quality));
+    }
 }

@@ -184,4 +184,39 @@ mod tests {
             );
         }
     }
+
+    /// Of three maps the two that share landmarks are merged, whichever comes first; the largest comes first then.
+    #[test]
+    fn maps_that_share_landmarks_are_merged_in_any_order() {
+        let sigma = 0.003;
+        let scene = simulate(Layout::Enclosed, 9, 16, sigma, 3, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        // The first three views see the last six landmarks, the others the first ten.
+        for (view, seen) in bearings.chunks_exact_mut(16).enumerate() {
+            let unseen = if view < 3 { 0..10 } else { 10..16 };
+            seen[unseen].fill(f64::NAN);
+        }
+        let problem = Problem::dense(9, 16, &bearings, sigma).unwrap();
+        let options = SolveOptions::default();
+        let of_views = |views: core::ops::Range<usize>| {
+            let mut map = scene.map();
+            for view in (0..9).filter(|view| !views.contains(view)) {
+                map.poses[view] = None;
+            }
+            let report = refine_map(&problem, &mut map, &options.refine, None).unwrap();
+            Reconstruction::new(&problem, &map, report)
+        };
+        let parts = [of_views(0..3), of_views(3..6), of_views(6..9)];
+        for order in [[0, 1, 2], [1, 0, 2], [1, 2, 0], [2, 0, 1]] {
+            let found = order.map(|k: usize| parts[k].clone()).to_vec();
+            let found = merge(&problem, &options, found, &mut None).unwrap();
+            assert_eq!(
+                found.iter().map(views).collect::<Vec<_>>(),
+                [6, 3],
+                "{order:?}"
+            );
+            assert!(found[0].map.poses[3..].iter().all(Option::is_some));
+            assert_eq!(found[0].freedom, 60 + 4 - 18 - 20);
+        }
+    }
 }
