@@ -118,3 +118,54 @@ impl<const E: usize> EliminatedBlock<E> {
 pub fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + *a * *b)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pivot of a few roundings of its diagonal is a free direction, which gets no step; the variance of
+    /// what it moves is infinite.
+    #[test]
+    fn pivots_of_rounding_are_free_directions() {
+        // The second pivot is the square of the last entry, without any rounding.
+        for (root, free) in [(2.0_f64.powi(-26), true), (2.0_f64.powi(-24), false)] {
+            let rows = [([1.0, 1.0], 0.0), ([0.0, root], 1.0)];
+            let block = EliminatedBlock::of_rows(rows.into_iter(), 0.0).unwrap();
+            let step = block.backward(block.forward([1.0, 0.0]));
+            assert_eq!(step[1] == 0.0, free, "{root:e} {step:?}");
+            assert_eq!(block.position_variance() == f64::INFINITY, free);
+        }
+        let bad = EliminatedBlock::of_rows([([f64::NAN, 1.0], 0.0)].into_iter(), 0.0);
+        assert!(bad.is_none());
+    }
+
+    /// Forward and backward substitution solve the damped equations.
+    #[test]
+    fn blocks_solve_their_equations() {
+        let rows = [
+            ([1.0, 2.0, -1.0], 0.3),
+            ([0.5, -1.0, 2.0], -0.2),
+            ([2.0, 0.1, 0.7], 1.1),
+            ([0.0, 1.0, 1.0], 0.5),
+        ];
+        for damping in [0.0, 0.4] {
+            let block = EliminatedBlock::of_rows(rows.into_iter(), damping).unwrap();
+            let side = [0.7, -1.3, 0.4];
+            let found = block.backward(block.forward(side));
+            let gradient: [f64; 3] =
+                core::array::from_fn(|i| rows.iter().map(|(row, r)| row[i] * r).sum());
+            assert_eq!(block.residual, block.forward(gradient));
+            for i in 0..3 {
+                let entry = |j: usize| rows.iter().map(|(row, _)| row[i] * row[j]).sum::<f64>();
+                let product: f64 = (0..3).map(|j| entry(j) * found[j]).sum();
+                let product = product + damping * entry(i) * found[i];
+                assert!((product - side[i]).abs() < 1e-12, "{i}");
+            }
+        }
+        let block = EliminatedBlock::of_rows(rows.into_iter(), 0.0).unwrap();
+        let unit = |k: usize| core::array::from_fn(|i| f64::from(u8::from(i == k)));
+        let variance = |k: usize| block.backward(block.forward(unit(k)))[k];
+        let both = variance(0) + variance(1);
+        assert!((block.position_variance() / both - 1.0).abs() < 1e-12);
+    }
+}

@@ -328,3 +328,250 @@ impl<'a> Boundaries<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::lm::RefineOptions;
+    use crate::problem::{LandmarkPrior, Noise};
+
+    /// Four views and landmarks in the plane, the last one twice as far from its nearest view as from none.
+    fn bundle(last: Point2<f64>) -> Bundle {
+        let poses = [
+            (0.0, 0.0, 0.3),
+            (2.0, 0.0, 2.5),
+            (2.0, 2.0, -1.1),
+            (0.0, 2.0, 0.9),
+        ];
+        Bundle {
+            poses: poses.map(|(x, y, theta)| pose(x, y, theta)).to_vec(),
+            landmarks: Vec::from([Point2::new(1.0, 0.7), Point2::new(0.8, 3.0), last]),
+        }
+    }
+
+    fn bearings(k: u32) -> [f64; 12] {
+        core::array::from_fn(|s| (f64::from(k) + 2.7 * s as f64).sin() * 3.0)
+    }
+
+    fn adjusted<'a>(
+        problem: &'a Problem,
+        options: &'a RefineOptions,
+        bundle: Bundle,
+    ) -> BundleAdjustment<'a, 'static> {
+        BundleAdjustment::new(problem, options, None, bundle).unwrap()
+    }
+
+    /// A landmark is tried on a view at a twentieth of its distance from the next one, and at infinity from twenty sizes of
+    /// the map on; modulo pi never, and at infinity not where a prior keeps it.
+    #[test]
+    fn landmarks_close_to_a_boundary_are_candidates() {
+        let options = RefineOptions::default();
+        let problem = Problem::dense(4, 3, &bearings(1), 0.1).unwrap();
+        let known = LandmarkPrior {
+            landmark: 2,
+            position: Point2::new(3.0, 3.0),
+            noise: Noise::Sigmas([1.0, 1.0]),
+        };
+        let tied = problem.clone().with_landmark_priors(&[known]).unwrap();
+        // The middle of the views is at (1, 1), their root mean square distance from it the root of two.
+        let size = 2.0_f64.sqrt();
+        let away = |sizes: f64| Point2::new(1.0 - size * sizes, 1.0);
+        // On the way from the view at (2, 0) to that at (2, 2).
+        let between = |share: f64| Point2::new(2.0, 2.0 * share / (1.0 + share));
+        let sighting = 3 + 2;
+        for (last, expected) in [
+            (Point2::new(1.5, 1.5), None),
+            (between(0.049), Some((Boundary::View(sighting), 0.049))),
+            (between(0.051), None),
+            (between(-0.04), Some((Boundary::View(sighting), 0.04 / 1.0))),
+            (away(19.9), None),
+            (away(20.1), Some((Boundary::Infinity(2), 1.0 / 20.1))),
+        ] {
+            let bundle = bundle(last);
+            let at = adjusted(&problem, &options, bundle.clone());
+            let mut boundaries = Boundaries::new(&problem);
+            let found = boundaries.find_candidate(&bundle, &at.rows, at.cost);
+            assert_eq!(found, expected.is_some(), "{last}");
+            assert_eq!(near_boundary(&at), found, "{last}");
+            if let (Some((boundary, distance)), Some((expected, share))) =
+                (boundaries.candidate, expected)
+            {
+                assert_eq!(boundary, expected, "{last}");
+                let off = if last.y < 0.0 { 0.1 } else { 1e-9 };
+                assert!(
+                    (distance / share - 1.0).abs() < off,
+                    "{last}: {distance} {share}"
+                );
+            }
+            let lines = problem.clone().unoriented();
+            assert!(!near_boundary(&adjusted(&lines, &options, bundle.clone())));
+            let near = near_boundary(&adjusted(&tied, &options, bundle));
+            assert_eq!(
+                near,
+                matches!(expected, Some((Boundary::View(_), _))),
+                "{last}"
+            );
+        }
+    }
+
+    /// What was refused from a distance is tried again from a tenth of it.
+    #[test]
+    fn a_refused_boundary_is_tried_again_ten_times_closer() {
+        let problem = Problem::dense(4, 3, &bearings(1), 0.1).unwrap();
+        let mut boundaries = Boundaries::new(&problem);
+        let [view, infinity] = [Boundary::View(5), Boundary::Infinity(2)];
+        boundaries.refused = Vec::from([(infinity, 0.01), (view, 0.03)]);
+        assert!(!boundaries.may_try(view, 0.0031) && boundaries.may_try(view, 0.0029));
+        assert!(!boundaries.may_try(infinity, 0.0011) && boundaries.may_try(infinity, 0.0009));
+        assert!(boundaries.may_try(Boundary::View(4), 0.04));
+        boundaries.known[2] = true;
+        assert!(!boundaries.may_try(infinity, 0.0009) && boundaries.may_try(view, 0.0029));
+    }
+
+    /// On a boundary the cost falls inwards where a short step off it lowers the cost.
+    #[test]
+    fn the_slope_at_a_boundary_is_that_of_the_cost() {
+        let options = RefineOptions::default();
+        let (mut falls, mut rises) = (0, 0);
+        for k in 0..20 {
+            let alone = Problem::dense(4, 3, &bearings(k), 0.5).unwrap();
+            let known = LandmarkPrior {
+                landmark: 2,
+                position: Point2::new(2.3, 0.4 - 0.05 * f64::from(k)),
+                noise: Noise::Covariance([[0.3, 0.1], [0.1, 0.2]]),
+            };
+            let known = alone.clone().with_landmark_priors(&[known]).unwrap();
+            for problem in [&alone, &known] {
+                let sighting = 3 + 2;
+                let view = Boundary::View(sighting);
+                let place = bundle(Point2::new(2.0, 0.0));
+                let boundaries = Boundaries::entered(problem, &place, &[view]);
+                let ray = boundaries.ray(&place, sighting);
+                let falling = boundaries.falls_inwards(view, &adjusted(problem, &options, place));
+                // Off the view its own bearing has no residual, along the ray.
+                let cost = |step: f64| {
+                    let off = bundle(Point2::from(Vector2::new(2.0, 0.0) + ray * step));
+                    adjusted(problem, &options, off).cost
+                };
+                let change = cost(2e-5) - cost(1e-5);
+                assert_eq!(falling, change < 0.0, "{k}: {change:e}");
+                falls += usize::from(falling);
+                rises += usize::from(!falling);
+            }
+            let direction = Vector2::new((0.9 * f64::from(k)).cos(), (0.9 * f64::from(k)).sin());
+            let at = |range: f64| bundle(Point2::from(Vector2::new(1.0, 1.0) + direction * range));
+            let far = at(horizon::<f64>());
+            let infinity = Boundary::Infinity(2);
+            let boundaries = Boundaries::entered(&alone, &far, &[infinity]);
+            let falling = boundaries.falls_inwards(infinity, &adjusted(&alone, &options, far));
+            let cost = |range: f64| adjusted(&alone, &options, at(range)).cost;
+            let change = cost(1e4) - cost(2e4);
+            assert_eq!(falling, change < 0.0, "{k}: {change:e}");
+        }
+        assert!(falls > 5 && rises > 5, "{falls} {rises}");
+    }
+
+    /// A landmark enters a view at its place and infinity straight away from the middle of the views; what is not lower, or
+    /// falls inwards, goes back to where it came from with all that was entered since, and is remembered.
+    #[test]
+    fn wrong_boundaries_are_left_the_way_they_were_entered() {
+        let options = RefineOptions::default();
+        let problem = Problem::dense(4, 3, &bearings(4), 0.1).unwrap();
+        let start = bundle(Point2::new(1.9, 0.1));
+        let mut at = adjusted(&problem, &options, start.clone());
+        let before = at.cost;
+        let mut boundaries = Boundaries::new(&problem);
+        assert!(!boundaries.enter_candidate(&mut at) && !boundaries.leave_wrong(&mut at));
+        boundaries.candidate = Some((Boundary::Infinity(1), 0.02));
+        assert!(boundaries.enter_candidate(&mut at));
+        boundaries.candidate = Some((Boundary::View(5), 0.04));
+        assert!(boundaries.enter_candidate(&mut at));
+        assert_eq!(at.bundle.landmarks[2], Point2::new(2.0, 0.0));
+        let out = at.bundle.landmarks[1] - Point2::new(1.0, 1.0);
+        assert!((out.norm() / horizon::<f64>() - 1.0).abs() < 1e-12);
+        let along = start.landmarks[1] - Point2::new(1.0, 1.0);
+        assert!((out.normalize() - along.normalize()).norm() < 1e-12);
+        assert_eq!(at.bundle.landmarks[0], start.landmarks[0]);
+        assert_eq!(
+            at.cost,
+            at.bundle
+                .linearize(&problem, options.loss, &mut Rows::of(&problem))
+        );
+        let entered = [0, 1].map(|k: usize| boundaries.entered[k].boundary);
+        assert_eq!(entered, [Boundary::Infinity(1), Boundary::View(5)]);
+        assert_eq!(boundaries.of_landmark(1), Some(entered[0]));
+        assert_eq!(boundaries.of_landmark(0), None);
+        // Not lower than before it was entered: the last one goes, and later the first.
+        at.cost = f64::INFINITY;
+        assert_eq!(boundaries.limit_of_run(&at, 100), ATTEMPT);
+        assert!(boundaries.leave_wrong(&mut at));
+        assert_eq!(at.bundle.landmarks[2], start.landmarks[2]);
+        assert_eq!(boundaries.refused, [(Boundary::View(5), 0.04)]);
+        assert_eq!(boundaries.entered.len(), 1);
+        at.cost = f64::INFINITY;
+        assert!(boundaries.leave_wrong(&mut at));
+        assert_eq!(at.bundle.landmarks, start.landmarks);
+        assert_eq!(at.cost, before);
+        assert_eq!(boundaries.refused.len(), 2);
+        assert_eq!(boundaries.limit_of_run(&at, 100), 100);
+        // Refused again, only the last distance is remembered.
+        boundaries.candidate = Some((Boundary::View(5), 0.003));
+        assert!(boundaries.enter_candidate(&mut at) && boundaries.leave_from(0, &mut at));
+        assert_eq!(boundaries.refused[1], (Boundary::View(5), 0.003));
+        assert_eq!(boundaries.refused.len(), 2);
+    }
+
+    /// A landmark at infinity has come near once the map has grown to a ten-thousandth of its distance.
+    #[test]
+    fn a_landmark_at_infinity_comes_near_as_the_map_grows() {
+        let options = RefineOptions::default();
+        let problem = Problem::dense(4, 3, &bearings(4), 0.1).unwrap();
+        let size = 2.0_f64.sqrt();
+        for (sizes, near) in [(0.99e4, true), (1.01e4, false)] {
+            let place = bundle(Point2::new(1.0, 1.0 + sizes * size));
+            let at = adjusted(&problem, &options, place.clone());
+            let boundaries = Boundaries::entered(&problem, &place, &[]);
+            assert_eq!(boundaries.has_come_near(Boundary::Infinity(2), &at), near);
+            assert!(!boundaries.has_come_near(Boundary::View(5), &at));
+        }
+    }
+
+    /// In the end a landmark on a view stands next to it, where it is seen, and the cost stays; where another view in the
+    /// same place makes it rise, the state before returns.
+    #[test]
+    fn landmarks_step_off_their_views_along_their_rays() {
+        let options = RefineOptions::default();
+        let problem = Problem::dense(4, 3, &bearings(4), 0.1).unwrap();
+        for away in [0.0, 3e4] {
+            let moved = |last: Point2<f64>| {
+                let mut bundle = bundle(last);
+                bundle.transform(&nalgebra::Similarity2::new(
+                    Vector2::new(away, 0.0),
+                    0.0,
+                    1.0,
+                ));
+                bundle
+            };
+            let start = moved(Point2::new(1.7, 0.2));
+            let mut at = adjusted(&problem, &options, start.clone());
+            let mut boundaries = Boundaries::new(&problem);
+            assert!(boundaries.step_inside(&mut at));
+            assert_eq!(at.bundle.landmarks, start.landmarks);
+            boundaries.candidate = Some((Boundary::View(5), 0.04));
+            assert!(boundaries.enter_candidate(&mut at));
+            let on_view = at.cost;
+            boundaries.entered[0].cost = 2.0 * on_view;
+            assert!(boundaries.step_inside(&mut at));
+            let view = at.bundle.poses[1].translation.vector;
+            let off = at.bundle.landmarks[2].coords - view;
+            assert!(off.norm() > 1e-9 && off.norm() < 1e-3, "{off}");
+            let ray = boundaries.ray(&at.bundle, 5);
+            assert!((off.normalize() - ray).norm() < 1e-2, "{off} {ray}");
+            assert!((at.cost / on_view - 1.0).abs() < 1e-2 * (1.0 + away));
+            boundaries.entered[0].cost = 0.5 * on_view;
+            assert!(!boundaries.step_inside(&mut at));
+            assert_eq!(at.bundle.landmarks, start.landmarks);
+        }
+    }
+}

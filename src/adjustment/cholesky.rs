@@ -54,27 +54,18 @@ fn inverse_root(pivot: f64) -> Option<f64> {
     (pivot > 0.0).then(|| 1.0 / pivot.sqrt())
 }
 
-/// The four inner products of two rows with two rows.
+/// The four inner products of two rows with two rows, all of even length.
 #[inline]
 fn dots([a, b]: [&[f64]; 2], [p, q]: [&[f64]; 2]) -> [f64; 4] {
     let mut sums = [[0.0; 2]; 4];
-    let (a2, a_rest) = a.as_chunks::<2>();
-    let (b2, b_rest) = b.as_chunks::<2>();
-    let (p2, p_rest) = p.as_chunks::<2>();
-    let (q2, q_rest) = q.as_chunks::<2>();
-    for ((a, b), (p, q)) in a2.iter().zip(b2).zip(p2.iter().zip(q2)) {
+    let [a, b, p, q] = [a, b, p, q].map(|row| row.as_chunks::<2>().0);
+    for ((a, b), (p, q)) in a.iter().zip(b).zip(p.iter().zip(q)) {
         for k in 0..2 {
             sums[0][k] += a[k] * p[k];
             sums[1][k] += a[k] * q[k];
             sums[2][k] += b[k] * p[k];
             sums[3][k] += b[k] * q[k];
         }
-    }
-    for ((a, b), (p, q)) in a_rest.iter().zip(b_rest).zip(p_rest.iter().zip(q_rest)) {
-        sums[0][0] += *a * *p;
-        sums[1][0] += *a * *q;
-        sums[2][0] += *b * *p;
-        sums[3][0] += *b * *q;
     }
     sums.map(|[even, odd]| even + odd)
 }

@@ -209,4 +209,108 @@ mod tests {
             check::<2, 3>(&problem, &bundle);
         }
     }
+
+    /// A damped step minimises the linear cost with so much more on the diagonal, and with the stiffness of the gauge on the
+    /// kept blocks; what is predicted of it is its decrease.
+    fn check_damped<const E: usize, const K: usize>(problem: &Problem, bundle: &Bundle)
+    where
+        for<'x> GroupedSightings<'x>: Grouped<E, K>,
+    {
+        let mut rows = Rows::of(problem);
+        bundle.linearize(problem, Loss::Squared, &mut rows);
+        let rows = &rows.sightings;
+        let grouped = GroupedSightings { problem, rows };
+        let (mut kept, mut gone) = (Vec::new(), Vec::new());
+        let mut schur = Schur::<E, K>::new();
+        let gauge = gauge::<K>(bundle);
+        let damping = 0.7;
+        assert!(schur.factorize(&grouped, damping, &gauge));
+        let gain = schur.solve(&grouped, &mut kept, &mut gone).gain;
+        let (mut before, mut after) = (0.0, 0.0);
+        let size = schur.size();
+        let mut left = DVector::zeros(size);
+        for group in 0..grouped.groups() {
+            let mut of_group = [0.0; E];
+            for slot in grouped.group(group) {
+                let mut residual = slot.residual;
+                residual += (0..E).map(|i| slot.gone[i] * gone[group][i]).sum::<f64>();
+                residual += (0..K)
+                    .map(|i| slot.stay[i] * kept[slot.kept][i])
+                    .sum::<f64>();
+                before += slot.residual * slot.residual;
+                after += residual * residual;
+                for i in 0..E {
+                    let damped = damping * slot.gone[i] * slot.gone[i] * gone[group][i];
+                    of_group[i] += slot.gone[i] * residual + damped;
+                }
+                for i in 0..K {
+                    let damped = damping * slot.stay[i] * slot.stay[i] * kept[slot.kept][i];
+                    left[slot.kept * K + i] += slot.stay[i] * residual + damped;
+                }
+            }
+            assert!(
+                of_group.iter().all(|left| left.abs() < 1e-6),
+                "{of_group:?}"
+            );
+        }
+        let step = DVector::from_iterator(size, kept.iter().flatten().copied());
+        let stiffness = (0..size).map(|k| schur.information(k)).sum::<f64>() / size as f64;
+        left += gauge.tr_mul(&(&gauge * &step)) * stiffness;
+        assert!(left.amax() < 1e-6, "{left}");
+        let expected = 0.5 * (before - after);
+        assert!((gain / expected - 1.0).abs() < 1e-8, "{gain} {expected}");
+    }
+
+    #[test]
+    fn damped_steps_solve_damped_least_squares() {
+        let gaps = |view: usize, landmark: usize| (view + 3 * landmark) % 7 > 2;
+        let band = |view: usize, landmark: usize| (view + 60 - landmark) % 60 < 7;
+        for (problem, bundle) in [
+            setting((5, 8), |_, _| true),
+            setting((12, 9), gaps),
+            setting((60, 60), band),
+        ] {
+            check_damped::<3, 2>(&problem, &bundle);
+            check_damped::<2, 3>(&problem, &bundle);
+        }
+    }
+
+    /// The four directions are orthogonal, each of length one, and no residual changes along them with the eliminated blocks
+    /// following.
+    #[test]
+    fn the_gauge_is_an_orthonormal_basis() {
+        let (_, bundle) = setting((5, 8), |_, _| true);
+        for gauge in [gauge::<2>(&bundle), gauge::<3>(&bundle)] {
+            let product = &gauge * gauge.transpose();
+            assert!((product - DMatrix::identity(4, 4)).norm() < 1e-12);
+        }
+    }
+
+    /// A landmark or view that nobody sees gets no step, and the others theirs.
+    #[test]
+    fn what_nobody_sees_stays() {
+        fn check<const E: usize, const K: usize>(
+            unseen: impl Fn(usize, usize) -> bool,
+            block: usize,
+        ) where
+            for<'x> GroupedSightings<'x>: Grouped<E, K>,
+        {
+            let (problem, bundle) = setting((5, 8), |view, landmark| !unseen(view, landmark));
+            let mut rows = Rows::of(&problem);
+            bundle.linearize(&problem, Loss::Squared, &mut rows);
+            let grouped = GroupedSightings {
+                problem: &problem,
+                rows: &rows.sightings,
+            };
+            let (mut kept, mut gone) = (Vec::new(), Vec::new());
+            let mut schur = Schur::<E, K>::new();
+            assert!(schur.factorize(&grouped, 0.1, &DMatrix::zeros(4, grouped.kept() * K)));
+            schur.solve(&grouped, &mut kept, &mut gone);
+            for (k, step) in kept.iter().enumerate() {
+                assert_eq!(step.norm() == 0.0, k == block, "{k}: {step}");
+            }
+        }
+        check::<3, 2>(|_, landmark| landmark == 3, 3);
+        check::<2, 3>(|view, _| view == 2, 2);
+    }
 }

@@ -398,4 +398,73 @@ mod tests {
             }
         }
     }
+
+    /// In the frame of a map from bearings alone the first view is at the origin with heading 0, and the root mean square
+    /// distance of the others from it is 1; what priors fix stays.
+    #[test]
+    fn the_frame_is_that_of_the_first_view_as_far_as_it_is_free() {
+        let (bundle, problems) = settings();
+        for (case, problem) in problems.iter().enumerate() {
+            let fixed = FixedByPriors::of(problem);
+            let mut framed = bundle.clone();
+            framed.transform(&fixed.frame(&bundle).unwrap());
+            let place = |view: usize| framed.poses[view].translation.vector;
+            let squares = [1, 2].map(|view| (place(view) - place(0)).norm_squared());
+            let mean = 0.5 * (squares[0] + squares[1]);
+            let before = bundle.poses[0].translation.vector;
+            let lengths = [1, 2]
+                .map(|view: usize| (bundle.poses[view].translation.vector - before).norm_squared());
+            let expected = if fixed.scale {
+                0.5 * (lengths[0] + lengths[1])
+            } else {
+                1.0
+            };
+            assert!((mean / expected - 1.0).abs() < 1e-12, "{case}: {mean}");
+            let heading = if fixed.heading {
+                bundle.poses[0].rotation.angle()
+            } else {
+                0.0
+            };
+            assert!(
+                (framed.poses[0].rotation.angle() - heading).abs() < 1e-12,
+                "{case}"
+            );
+            match fixed.points.first() {
+                None => assert!(place(0).norm() < 1e-12),
+                Some(Subject::View(view)) => {
+                    assert!((place(*view) - bundle.poses[*view].translation.vector).norm() < 1e-12);
+                }
+                Some(Subject::Landmark(landmark)) => {
+                    assert!(
+                        (framed.landmarks[*landmark] - bundle.landmarks[*landmark]).norm() < 1e-12
+                    );
+                }
+            }
+        }
+        let mut still = bundle.clone();
+        for pose in &mut still.poses {
+            pose.translation.vector = Vector2::new(1.0, 2.0);
+        }
+        assert!(FixedByPriors::of(&problems[0]).frame(&still).is_none());
+    }
+
+    /// Anchors are one parameter for each direction, and fixing them fixes all: the directions at the anchors are
+    /// independent.
+    #[test]
+    fn anchors_fix_their_directions() {
+        let (bundle, problems) = settings();
+        for problem in &problems {
+            let directions = gauge_directions(problem, &bundle);
+            let chosen = anchors(&directions, |k| 1.0 + k as f64);
+            assert_eq!(chosen.len(), directions.len());
+            let count = chosen.len();
+            let at = nalgebra::DMatrix::from_fn(count, count, |i, j| directions[i][chosen[j]]);
+            assert!(count == 0 || at.determinant().abs() > 1e-3);
+        }
+        // The largest entry in units of the standard deviation, then what is left of the other.
+        let directions = [vec![1.0, 2.0, 0.0], vec![0.0, 2.0, 0.5]];
+        assert_eq!(anchors(&directions, |_| 1.0), [1, 0]);
+        assert_eq!(anchors(&directions, |k| [100.0, 1.0, 1.0][k]), [0, 1]);
+        assert_eq!(anchors(&directions, |k| [1.0, 0.0, 0.0][k]), [0]);
+    }
 }

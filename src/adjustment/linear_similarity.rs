@@ -75,3 +75,52 @@ impl LinearSimilarity {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points and lines of an exact similarity give it back; what they leave free shows in the rank.
+    #[test]
+    fn exact_equations_give_the_similarity() {
+        let truth = Similarity2::new(Vector2::new(5.0, -7.0), 2.0, 0.3);
+        let points = [(1.0, 2.0), (-3.0, 0.5), (2.0, -4.0), (0.0, 1.0)];
+        let points = points.map(|(x, y)| Point2::new(x, y));
+        let line = |equations: &mut LinearSimilarity, k: usize, angle: f64| {
+            let normal = Vector2::new(angle.cos(), angle.sin()) * (1.0 + k as f64);
+            let along = Vector2::new(-normal.y, normal.x);
+            equations.add_line(&points[k], &normal, &(truth * points[k] + along * 0.7));
+        };
+        // (points, lines, rank)
+        for (whole, lines, rank) in [
+            (2, 0, 4),
+            (4, 0, 4),
+            (1, 2, 4),
+            (0, 4, 4),
+            (1, 0, 2),
+            (1, 1, 3),
+        ] {
+            let mut equations = LinearSimilarity::default();
+            for point in &points[..whole] {
+                equations.add_point(point, &(truth * point));
+            }
+            for k in 0..lines {
+                line(&mut equations, 3 - k, 0.4 + 1.1 * k as f64);
+            }
+            assert_eq!(equations.count(), 2 * whole + lines);
+            let (found, full) = equations.solve().unwrap();
+            assert_eq!(full, rank, "{whole} {lines}");
+            for point in &points[..if rank == 4 { 4 } else { whole }] {
+                assert!(
+                    (found * point - truth * point).norm() < 1e-9,
+                    "{whole} {lines}"
+                );
+            }
+        }
+        let mut nowhere = LinearSimilarity::default();
+        nowhere.add_point(&points[0], &Point2::origin());
+        nowhere.add_point(&points[1], &Point2::origin());
+        assert!(nowhere.solve().is_none());
+        assert!(LinearSimilarity::default().solve().is_none());
+    }
+}

@@ -500,4 +500,104 @@ mod tests {
             }
         }
     }
+
+    /// Fixing the gauge changes nothing else: undamped, the step solves the equations without the stiffness. Damped, those
+    /// with so much more on the diagonal; what the model predicts of it is its decrease.
+    #[test]
+    fn steps_solve_the_equations_without_the_stiffness() {
+        let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
+        let alone = Problem::dense(3, 3, &bearings, 0.5).unwrap();
+        let known = LandmarkPrior {
+            landmark: 0,
+            position: Point2::new(1.2, 0.3),
+            noise: Noise::Sigmas([0.3, 0.4]),
+        };
+        let known = alone.clone().with_landmark_priors(&[known]).unwrap();
+        for problem in [alone, known] {
+            let (bundle, mut newton) = setting(&problem);
+            let mut rows = Rows::of(&problem);
+            bundle.linearize(&problem, Loss::Squared, &mut rows);
+            newton.add_up(&rows);
+            let before = newton.normal.clone();
+            newton.assemble(&bundle, &rows);
+            let size = newton.gradient.len();
+            let times = |matrix: &[f64], step: &[f64], i: usize| -> f64 {
+                let row = (0..size).map(|j| matrix[i.max(j) * size + i.min(j)]);
+                row.zip(step).map(|(entry, d)| entry * d).sum()
+            };
+            // With second derivatives as well, once the damping makes that positive definite.
+            for (damping, curved) in [(0.0, false), (0.7, false), (20.0, true)] {
+                let predicted = newton.solve_with(damping, curved).unwrap();
+                let step = newton.delta.clone();
+                let matrix = if curved {
+                    &newton.curved
+                } else {
+                    &newton.normal
+                };
+                let mut decrease = 0.0;
+                for i in 0..size {
+                    let product = times(matrix, &step, i);
+                    decrease -= step[i] * (newton.gradient[i] + 0.5 * product);
+                    let damped = damping * newton.normal[i * size + i] * step[i];
+                    let left = product + damped + newton.gradient[i];
+                    assert!(left.abs() < 1e-9, "{i}: {left:e}");
+                    if damping == 0.0 {
+                        let left = times(&before, &step, i) + newton.gradient[i];
+                        assert!(left.abs() < 1e-6, "{i}: {left:e}");
+                    }
+                }
+                let gain = predicted.gain / decrease;
+                assert!((gain - 1.0).abs() < 1e-6, "{damping}: {gain}");
+            }
+        }
+    }
+
+    /// Each direction of the gauge is as stiff as a parameter is on average; with priors, its anchor twice as stiff as it was.
+    #[test]
+    fn the_gauge_is_as_stiff_as_an_average_parameter() {
+        let bearings = [0.3, -2.0, 1.5, 2.9, 0.1, -0.4, 1.2, -0.9, 2.2];
+        let alone = Problem::dense(3, 3, &bearings, 0.5).unwrap();
+        let known = LandmarkPrior {
+            landmark: 0,
+            position: Point2::new(1.2, 0.3),
+            noise: Noise::Sigmas([0.3, 0.4]),
+        };
+        let known = alone.clone().with_landmark_priors(&[known]).unwrap();
+        for (problem, anchored) in [(alone, None), (known, Some(2))] {
+            let (bundle, mut newton) = setting(&problem);
+            let mut rows = Rows::of(&problem);
+            bundle.linearize(&problem, Loss::Squared, &mut rows);
+            newton.add_up(&rows);
+            let before = newton.normal.clone();
+            let directions = newton.gauge(&bundle);
+            newton.stiffen_gauge(&bundle);
+            let size = newton.gradient.len();
+            let added = |i: usize, j: usize| {
+                let place = i.max(j) * size + i.min(j);
+                newton.normal[place] - before[place]
+            };
+            if let Some(count) = anchored {
+                let grown = (0..size).filter(|&k| added(k, k) > 0.0);
+                let doubled = |k: usize| (added(k, k) / before[k * size + k] - 1.0).abs() < 1e-12;
+                assert!(grown.clone().all(doubled));
+                assert_eq!(grown.count(), count);
+                continue;
+            }
+            let mean = (0..size).map(|k| before[k * size + k]).sum::<f64>() / size as f64;
+            // What the four add along themselves is that much each.
+            let trace: f64 = (0..size).map(|k| added(k, k)).sum();
+            assert!((trace / (4.0 * mean) - 1.0).abs() < 1e-9, "{trace} {mean}");
+            let unit = |direction: &[f64]| {
+                let norm = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
+                direction.iter().map(|d| d / norm).collect::<Vec<f64>>()
+            };
+            let units: Vec<_> = directions.iter().map(|direction| unit(direction)).collect();
+            for i in 0..size {
+                for j in 0..size {
+                    let expected: f64 = units.iter().map(|unit| mean * unit[i] * unit[j]).sum();
+                    assert!((added(i, j) - expected).abs() < 1e-9 * mean, "{i} {j}");
+                }
+            }
+        }
+    }
 }

@@ -321,3 +321,145 @@ impl StepSolver for Normal<'_> {
         !self.known[landmark]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::lm::Loss;
+    use crate::problem::{LandmarkPrior, Noise, Odometry, PosePrior};
+    use crate::simulate::{Arena, Layout, simulate};
+    use nalgebra::{DMatrix, DVector};
+
+    /// Four views and five landmarks with odometry in both directions, twice between the same views, and priors.
+    fn setting() -> (Problem, Bundle) {
+        let scene = simulate(Layout::Enclosed, 4, 5, 0.05, 2, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        bearings[7] = f64::NAN;
+        let problem = Problem::dense(4, 5, &bearings, 0.05).unwrap();
+        let motion = |start: usize, end: usize| Odometry {
+            start,
+            end,
+            delta: scene.poses[start].inv_mul(&scene.poses[end]) * pose(0.1, -0.2, 0.05),
+            noise: Noise::Covariance([[0.04, 0.01, 0.0], [0.01, 0.09, 0.002], [0.0, 0.002, 0.01]]),
+        };
+        let motions = [motion(0, 1), motion(3, 1), motion(0, 3), motion(1, 0)];
+        let posed = PosePrior {
+            view: 2,
+            pose: scene.poses[2] * pose(0.3, 0.1, 0.1),
+            noise: Noise::Sigmas([0.1, f64::INFINITY, 0.2]),
+        };
+        let known = LandmarkPrior {
+            landmark: 3,
+            position: scene.landmarks[3] + Vector2::new(0.1, 0.2),
+            noise: Noise::Covariance([[0.02, 0.01], [0.01, 0.03]]),
+        };
+        let problem = problem.with_odometry(&motions).unwrap();
+        let problem = problem.with_pose_priors(&[posed]).unwrap();
+        let problem = problem.with_landmark_priors(&[known]).unwrap();
+        (problem, Bundle::from_map(&scene.map()))
+    }
+
+    /// The Jacobian and the residuals as a whole.
+    fn jacobian(problem: &Problem, rows: &Rows) -> (DMatrix<f64>, DVector<f64>) {
+        let views = 3 * problem.views();
+        let count = rows.sightings.len() + 3 * rows.priors.len();
+        let mut jacobian = DMatrix::zeros(count, views + 2 * problem.landmarks());
+        let mut residuals = DVector::zeros(count);
+        for (k, (s, row)) in problem.sightings().iter().zip(&rows.sightings).enumerate() {
+            residuals[k] = row.residual;
+            for (i, entry) in row.pose().into_iter().enumerate() {
+                jacobian[(k, 3 * s.view + i)] = entry;
+            }
+            for (i, entry) in row.landmark().into_iter().enumerate() {
+                jacobian[(k, views + 2 * s.landmark + i)] = entry;
+            }
+        }
+        for (k, row) in rows.priors.iter().enumerate() {
+            let first = rows.sightings.len() + 3 * k;
+            for i in 0..3 {
+                residuals[first + i] = row.residual[i];
+                for (subject, slopes) in [Some(row.first), row.second].into_iter().flatten() {
+                    let (place, width) = match subject {
+                        Subject::View(view) => (3 * view, 3),
+                        Subject::Landmark(landmark) => (views + 2 * landmark, 2),
+                    };
+                    for (c, slope) in slopes[i].iter().take(width).enumerate() {
+                        jacobian[(first + i, place + c)] += slope;
+                    }
+                }
+            }
+        }
+        (jacobian, residuals)
+    }
+
+    /// The sparse equations are those of the Jacobian as a whole, with damping and with anchors where the gauge is free, and
+    /// what the model predicts of a step is the decrease of the linear cost.
+    #[test]
+    fn sparse_equations_are_those_of_the_jacobian() {
+        let (tied, bundle) = setting();
+        let alone = tied.clone().bearings_only();
+        for (problem, free) in [(&tied, 0), (&alone, 4)] {
+            let mut rows = Rows::of(problem);
+            bundle.linearize(problem, Loss::Squared, &mut rows);
+            let (jacobian, residuals) = jacobian(problem, &rows);
+            let information = jacobian.tr_mul(&jacobian);
+            let gradient = jacobian.tr_mul(&residuals);
+            let mut normal = Normal::new(problem).unwrap();
+            for damping in [0.0, 0.3, 20.0] {
+                let mut moved = bundle.clone();
+                let step = StepSolver::solve(&mut normal, &bundle, &rows, damping, &mut moved);
+                let gain = step.unwrap().gain;
+                let delta = DVector::from_vec(normal.delta.clone());
+                assert_eq!(normal.anchors.len(), free);
+                let mut left = &information * &delta + &gradient;
+                for k in 0..delta.len() {
+                    let anchors = normal.anchors.iter().filter(|&&anchor| anchor == k).count();
+                    assert!((normal.diagonal(k) / information[(k, k)] - 1.0).abs() < 1e-12);
+                    left[k] += (damping + anchors as f64) * information[(k, k)] * delta[k];
+                }
+                assert!(left.amax() < 1e-7 * gradient.amax(), "{damping}: {left}");
+                let after = &residuals + &jacobian * &delta;
+                let expected = 0.5 * (residuals.norm_squared() - after.norm_squared());
+                assert!(
+                    (gain / expected - 1.0).abs() < 1e-6,
+                    "{damping}: {gain} {expected}"
+                );
+                let turned = bundle.poses[1].rotation.angle_to(&moved.poses[1].rotation);
+                let around = (turned - delta[5]) / core::f64::consts::TAU;
+                assert!((around - around.round()).abs() < 1e-2);
+                let [there, here] = [&moved, &bundle].map(|b| b.poses[2].translation.vector);
+                let shift = there - here;
+                assert!((shift.x - delta[6]).abs() < 1e-9 && (shift.y - delta[7]).abs() < 1e-9);
+                let shift = moved.landmarks[4] - bundle.landmarks[4];
+                assert!((shift.x - delta[20]).abs() < 1e-9 && (shift.y - delta[21]).abs() < 1e-9);
+            }
+            for view in 0..4 {
+                let expected = information.fixed_view::<3, 3>(3 * view, 3 * view);
+                assert!(normal.factorize(0.0));
+                let anchored = normal.anchors.iter().any(|anchor| anchor / 3 == view);
+                assert!(
+                    anchored
+                        || (normal.pose_block(view) - expected).norm() < 1e-9 * expected.norm()
+                );
+            }
+        }
+        let known = (0..5).filter(|&k| !Normal::new(&tied).unwrap().moves_landmark(k));
+        assert!(known.eq([3]));
+    }
+
+    /// A parameter on which nothing depends gets no step.
+    #[test]
+    fn what_nothing_depends_on_stays() {
+        let (tied, bundle) = setting();
+        let unseen: Vec<bool> = tied.sightings().iter().map(|s| s.landmark != 1).collect();
+        let problem = tied.subset(&unseen);
+        let mut rows = Rows::of(&problem);
+        bundle.linearize(&problem, Loss::Squared, &mut rows);
+        let mut normal = Normal::new(&problem).unwrap();
+        let mut moved = bundle.clone();
+        assert!(StepSolver::solve(&mut normal, &bundle, &rows, 0.1, &mut moved).is_some());
+        assert_eq!(moved.landmarks[1], bundle.landmarks[1]);
+        assert_ne!(moved.landmarks[2], bundle.landmarks[2]);
+    }
+}

@@ -340,3 +340,42 @@ impl Step for (Vec<Vector3<f64>>, Vec<Vector2<f64>>) {
         bundle.step(&self.0, &self.1, result);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use nalgebra::Point2;
+
+    /// A map goes on in another unit when its size is beyond ten thousand units, or one of them beyond its size, or when it
+    /// is ten thousand sizes away from the origin.
+    #[test]
+    fn maps_that_have_grown_shrunk_or_gone_away_have_drifted() {
+        let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)];
+        let drifted_by = |factor: f64, away: (f64, f64)| {
+            let mut bundle = Bundle {
+                poses: square
+                    .map(|(x, y)| pose(x + away.0, y + away.1, 0.3))
+                    .to_vec(),
+                landmarks: Vec::from([Point2::new(0.5, 0.5)]),
+            };
+            bundle.scale(factor);
+            drifted(&bundle)
+        };
+        let home = (0.0, 0.0);
+        assert_eq!(drifted_by(1.0, home), None);
+        for power in [13, -13] {
+            assert_eq!(drifted_by(2.0_f64.powi(power), home), None, "{power}");
+        }
+        for power in [14, 40, -14, -40] {
+            let factor = 2.0_f64.powi(power);
+            assert_eq!(drifted_by(factor, home), Some(factor), "{power}");
+        }
+        for factor in [0.5, 1.0, 4.0] {
+            for (x, y) in [(1.0, 0.0), (0.0, -1.0)] {
+                assert_eq!(drifted_by(factor, (9e3 * x, 9e3 * y)), None);
+                assert_eq!(drifted_by(factor, (1.1e4 * x, 1.1e4 * y)), Some(factor));
+            }
+        }
+    }
+}

@@ -84,3 +84,73 @@ pub fn converged(
         found = refined;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+    use alloc::vec::Vec;
+
+    /// What was given few iterations goes on where it ended, with its alternatives and components; what has converged, or
+    /// has used up its iterations, does not, nor what is not lowered.
+    #[test]
+    fn a_refinement_that_was_cut_short_goes_on() {
+        let scene = simulate(Layout::Enclosed, 6, 9, 0.02, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(6, 9, &scene.bearings, 0.02).unwrap();
+        let options = SolveOptions::default();
+        let refined = |max_iterations: usize| {
+            let mut map = scene.map();
+            let refine = RefineOptions {
+                max_iterations,
+                ..options.refine
+            };
+            let report = refine_map(&problem, &mut map, &refine, None).unwrap();
+            Reconstruction::new(&problem, &map, report)
+        };
+        let least = refined(100);
+        assert!(least.termination.was_successful());
+        let mut short = refined(1);
+        assert_eq!(short.termination, Termination::MaxIterations);
+        assert!(short.cost > least.cost * 1.001);
+        short.alternatives = Vec::from([least.clone()]);
+        short.components = Vec::from([least.clone()]);
+        let go_on = |found: &Reconstruction, max_iterations: usize| {
+            let mut options = options;
+            options.refine.max_iterations = max_iterations;
+            let mut told = Vec::new();
+            let mut progress = |_: &'static str, done: usize, all: usize| {
+                told.push((done, all));
+                true
+            };
+            let found = converged(&problem, found.clone(), &options, &mut Some(&mut progress));
+            (found.unwrap(), told)
+        };
+        let (found, told) = go_on(&short, 100);
+        assert!((found.cost / least.cost - 1.0).abs() < 1e-6);
+        assert!(found.iterations > 1 && found.termination.was_successful());
+        assert_eq!((found.alternatives.len(), found.components.len()), (1, 1));
+        // The iterations before count.
+        assert_eq!(told.first(), Some(&(1, 100)));
+        for (found, limit) in [(&short, 1), (&least, 100)] {
+            let (same, told) = go_on(found, limit);
+            assert!(
+                same.cost == found.cost && same.iterations == found.iterations && told.is_empty()
+            );
+        }
+        // One that no step lowered is tried anew, and kept where that does not lower it either.
+        let mut stuck = short.clone();
+        stuck.termination = Termination::NoProgress;
+        assert!((go_on(&stuck, 100).0.cost / least.cost - 1.0).abs() < 1e-6);
+        let mut stuck = least.clone();
+        (stuck.termination, stuck.iterations) = (Termination::NoProgress, 7);
+        let (same, _) = go_on(&stuck, 100);
+        assert_eq!(
+            (same.iterations, same.termination),
+            (7, Termination::NoProgress)
+        );
+        // A map that the descent would leave for a higher one stays.
+        let mut lower = short.clone();
+        lower.cost = 0.5 * least.cost;
+        assert_eq!(go_on(&lower, 100).0.iterations, 1);
+    }
+}

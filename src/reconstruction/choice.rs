@@ -217,4 +217,137 @@ mod tests {
         let prices = prices(&problem, &[whole, part, apart], &JudgeOptions::default());
         assert!(prices[0] < prices[2] && prices[2] < prices[1], "{prices:?}");
     }
+
+    #[test]
+    fn maps_are_near_when_all_poses_are() {
+        let map = |x: f64, heading: f64, last: bool| Map {
+            poses: Vec::from([
+                Some(pose(0.0, 0.0, 0.0)),
+                Some(pose(3.0, 4.0, 0.5)),
+                Some(pose(x, 5.0, heading)),
+                last.then(|| pose(5.0, 0.0, 1.0)),
+            ]),
+            landmarks: Vec::new(),
+        };
+        // All are five away from the first view.
+        let base = map(0.0, -0.2, true);
+        assert!((size(&base) - 5.0).abs() < 1e-12);
+        for (x, heading, last, expected) in [
+            (0.0499, -0.2, true, true),
+            (0.0501, -0.2, true, false),
+            (0.0, -0.2099, true, true),
+            (0.0, -0.2101, true, false),
+            (0.0, -0.2, false, false),
+        ] {
+            let other = map(x, heading, last);
+            assert_eq!(near(&base, &other, 0.01), expected, "{x} {heading} {last}");
+        }
+        assert!(near(&map(0.0, 0.0, false), &map(0.0, 0.0, false), 0.01));
+        // A map of one view, or of one place, has no size of its own.
+        let mut one = Map::empty(3, 0);
+        assert_eq!(size(&one), 1.0);
+        one.poses[1] = Some(pose(7.0, 0.0, 0.0));
+        assert_eq!(size(&one), 1.0);
+        one.poses[2] = one.poses[1];
+        assert_eq!(size(&one), 1.0);
+    }
+
+    /// The second map is better where it costs less, unless only it is too costly for what is stated.
+    #[test]
+    fn nothing_that_does_not_fit_is_better_than_what_does() {
+        let (problem, whole) = setting();
+        let options = JudgeOptions::default();
+        let fits = 0.5 * whole.freedom as f64;
+        let with = |cost: f64| {
+            let mut found = whole.clone();
+            found.cost = cost;
+            found
+        };
+        let mut part = with(fits);
+        part.residuals[20..].fill(None);
+        for (before, after, expected) in [
+            (with(fits), with(0.9 * fits), 0.9 * fits),
+            (with(fits), with(1.1 * fits), fits),
+            (with(fits), with(fits * (1.0 - 1e-9)), fits),
+            (part.clone(), with(1.1 * fits), 1.1 * fits),
+            (part.clone(), with(9.0 * fits), fits),
+            (with(12.0 * fits), with(9.0 * fits), 9.0 * fits),
+        ] {
+            let found = better(&problem, [before, after], &options);
+            assert_eq!(found.cost, expected);
+        }
+        let nothing = choose(&problem, Vec::new(), &options);
+        assert!(matches!(
+            nothing,
+            Err(Error::Degenerate {
+                kind: Degeneracy::NoHypothesis,
+                ..
+            })
+        ));
+    }
+
+    /// The price of what a map leaves out follows the noise of the best map that has at least half of the degrees of
+    /// freedom; where deviations are stated, up to three times them, otherwise from a good degree on.
+    #[test]
+    fn the_price_follows_the_noise() {
+        let (problem, whole) = setting();
+        let unstated = Problem::dense(5, 9, &[0.1; 45], 1.0).unwrap();
+        let options = JudgeOptions::default();
+        let freedom = whole.freedom as f64;
+        let (outlier, expected) = (0.5 * 9.0 * 9.0, 0.02 * 0.02);
+        for (problem, variance, noise) in [
+            (&problem, 0.5, 1.0),
+            (&problem, 4.0, 4.0),
+            (&problem, 20.0, 9.0),
+            (&unstated, 0.1 * expected, expected),
+            (&unstated, 20.0, 20.0),
+        ] {
+            let mut part = whole.clone();
+            part.cost = 0.5 * variance * freedom;
+            part.residuals[7..9].fill(None);
+            // Of less than half of the degrees of freedom.
+            let mut little = part.clone();
+            little.freedom = whole.freedom / 2 - 1;
+            little.cost = 0.0;
+            little.residuals[7..].fill(None);
+            let found = prices(problem, &[part.clone(), little], &options);
+            let price = (found[0] - part.cost) / 2.0;
+            assert!(
+                (price / (outlier * noise) - 1.0).abs() < 1e-9,
+                "{variance}: {price}"
+            );
+            assert!((found[1] / (38.0 * price) - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn alternatives_are_distinct_and_as_complete_as_the_best() {
+        let (problem, best) = setting();
+        let rival = |times: f64, x: f64| {
+            let mut rival = best.clone();
+            rival.cost *= times;
+            rival.map.poses[3] = Some(pose(x, 0.2, 0.3));
+            rival
+        };
+        let mut part = rival(1.2, 0.7);
+        part.undetermined.push(crate::problem::Undetermined {
+            subject: crate::problem::Subject::Landmark(3),
+            why: crate::problem::Why::AtInfinity,
+        });
+        let found = Vec::from([
+            rival(3.0, 0.1),
+            rival(2.0, 0.5),
+            part,
+            best.clone(),
+            rival(4.0, 0.5),
+        ]);
+        let chosen = choose(&problem, found, &JudgeOptions::default()).unwrap();
+        let costs: Vec<f64> = chosen
+            .alternatives
+            .iter()
+            .map(|a| a.cost / best.cost)
+            .collect();
+        assert_eq!(costs.len(), 2);
+        assert!((costs[0] - 2.0).abs() < 1e-9 && (costs[1] - 3.0).abs() < 1e-9);
+    }
 }

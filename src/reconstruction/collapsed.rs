@@ -120,4 +120,59 @@ mod tests {
         }
         assert_eq!(of(&[first]), None);
     }
+
+    /// A map of many views that explains nothing has collapsed when most of them are in one place.
+    #[test]
+    fn most_views_in_one_place_are_no_map() {
+        let scene = crate::simulate::simulate(
+            crate::simulate::Layout::Enclosed,
+            6,
+            9,
+            0.01,
+            3,
+            crate::simulate::Arena::default(),
+        );
+        let scene = scene.unwrap();
+        let problem = Problem::dense(6, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let refine = crate::lm::RefineOptions::default();
+        let report = crate::adjustment::refine_map(&problem, &mut map, &refine, None).unwrap();
+        let whole = Reconstruction::new(&problem, &map, report);
+        let options = JudgeOptions::default();
+        let collapsed = |rms: f64, together: usize, views: usize| {
+            let mut found = whole.clone();
+            found.rms = rms;
+            for pose in found.map.poses.iter_mut().flatten().take(together) {
+                pose.translation.vector.fill(1e-10);
+            }
+            found.map.poses[views..].fill(None);
+            match refuse_collapsed(&problem, &found, &options) {
+                Ok(()) => false,
+                Err(Error::Degenerate { kind, value, bound }) => {
+                    assert!(kind == Degeneracy::CollapsedMap && value < bound);
+                    true
+                }
+                Err(error) => panic!("{error}"),
+            }
+        };
+        assert!(collapsed(0.11, 5, 6) && collapsed(0.11, 4, 6) && collapsed(0.11, 3, 4));
+        assert!(!collapsed(0.11, 2, 6) && !collapsed(0.09, 5, 6) && !collapsed(0.11, 2, 3));
+        // Alternatives go where they have collapsed, or stand still while the best does not.
+        let mut still = whole.clone();
+        for pose in still.map.poses.iter_mut().flatten() {
+            pose.translation.vector.fill(0.5);
+        }
+        let mut bad = whole.clone();
+        bad.rms = 0.2;
+        for pose in bad.map.poses.iter_mut().flatten().take(5) {
+            pose.translation.vector.fill(0.5);
+        }
+        let left = |best: &Reconstruction| {
+            let mut best = best.clone();
+            best.alternatives = vec![whole.clone(), still.clone(), bad.clone()];
+            drop_collapsed_alternatives(&problem, &mut best, &options);
+            best.alternatives.len()
+        };
+        assert_eq!((left(&whole), left(&still)), (1, 2));
+    }
 }

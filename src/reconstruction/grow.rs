@@ -95,3 +95,82 @@ pub fn score(problem: &Problem, map: &Map) -> f64 {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::simulate::{Arena, Layout, simulate};
+    use nalgebra::Point2;
+
+    /// A sighting off by the sine of a tenth counts one half, one behind its view nearly one, one without a map one.
+    #[test]
+    fn the_score_counts_what_is_not_explained() {
+        let scored = |bearing: f64, oriented: bool| {
+            let problem = Problem::dense(1, 1, &[bearing], 1.0).unwrap();
+            let problem = if oriented {
+                problem
+            } else {
+                problem.unoriented()
+            };
+            let mut map = Map::empty(1, 1);
+            map.poses[0] = Some(pose(1.0, 2.0, 0.3));
+            map.landmarks[0] = Some(pose(1.0, 2.0, 0.3) * Point2::new(5.0, 0.0));
+            let found = score(&problem, &map);
+            map.landmarks[0] = None;
+            assert_eq!(score(&problem, &map), 1.0);
+            map.landmarks[0] = Some(Point2::new(1.0, 2.0));
+            assert_eq!(score(&problem, &map), 1.0);
+            map.poses[0] = None;
+            assert_eq!(score(&problem, &map), 1.0);
+            found
+        };
+        let half = 0.1_f64.asin();
+        for (bearing, oriented, expected) in [
+            (0.0, true, 0.0),
+            (half, true, 0.5),
+            (-half, true, 0.5),
+            (core::f64::consts::PI - half, false, 0.5),
+            // One plus the squared cosine, over that and a hundredth.
+            (core::f64::consts::PI, true, 2.0 / 2.01),
+            (core::f64::consts::FRAC_PI_2 + 1e-9, true, 1.0 / 1.01),
+        ] {
+            let found = scored(bearing, oriented);
+            assert!(
+                (found - expected).abs() < 1e-7,
+                "{bearing} {oriented}: {found}"
+            );
+        }
+    }
+
+    /// From two poses of an exact scene all the rest is reached; what two views see is no longer where it was.
+    #[test]
+    fn an_exact_map_grows_from_two_poses() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.0, 2, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        // The last view sees three landmarks, one of which only it and another one see.
+        bearings[4 * 9..4 * 9 + 6].fill(f64::NAN);
+        for view in 0..3 {
+            bearings[9 * view + 8] = f64::NAN;
+        }
+        let problem = Problem::dense(5, 9, &bearings, 0.01).unwrap();
+        let mut map = Map::empty(5, 9);
+        map.poses[0] = Some(scene.poses[0]);
+        map.poses[1] = Some(scene.poses[1]);
+        map.landmarks[2] = Some(Point2::new(50.0, 50.0));
+        assert!(resect_view(&problem, &map, 2).is_none());
+        grow(&problem, &mut map);
+        let poses = map.poses.iter().zip(&scene.poses).take(4);
+        for (pose, truth) in poses {
+            assert!((pose.unwrap().translation.vector - truth.translation.vector).norm() < 1e-6);
+        }
+        for (point, truth) in map.landmarks.iter().zip(&scene.landmarks).take(8) {
+            assert!((point.unwrap() - truth).norm() < 1e-6);
+        }
+        // Two landmarks are too few for a view, and one view for a landmark.
+        assert_eq!((map.poses[4], map.landmarks[8]), (None, None));
+        let (found, misfit) = resect_view(&problem, &map, 2).unwrap();
+        assert!((found.translation.vector - scene.poses[2].translation.vector).norm() < 1e-6);
+        assert!(misfit < 1e-9);
+    }
+}

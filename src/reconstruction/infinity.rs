@@ -221,4 +221,155 @@ mod tests {
             assert_eq!(views_beyond_horizon(&problem, &map, &options), beyond);
         }
     }
+
+    /// Far out along the mean ray, from the middle of the views that see the landmark, in sizes of the map.
+    #[test]
+    fn a_landmark_starts_far_out_along_its_rays() {
+        // The others are two away from the first view.
+        let poses = [(0.0, 2.0), (0.0, 4.0), (0.0, 0.0)];
+        let map = Map {
+            poses: poses.map(|(x, y)| Some(pose(x, y, 0.0))).to_vec(),
+            landmarks: alloc::vec![None; 4],
+        };
+        let half = core::f64::consts::FRAC_PI_2;
+        let nan = f64::NAN;
+        let bearings = [
+            // Up and down by the same angle; the first one has nothing to the left.
+            0.1,
+            half,
+            half,
+            nan, //
+            -0.1,
+            half + 0.2,
+            -half,
+            0.3, //
+            nan,
+            half - 0.2 - core::f64::consts::PI,
+            nan,
+            nan,
+        ];
+        let problem = Problem::dense(3, 4, &bearings, 0.1).unwrap();
+        let far = far_out(&problem, &map, 0, 30.0).unwrap();
+        assert!((far - Point2::new(60.0, 3.0)).norm() < 1e-12, "{far}");
+        // Opposite rays have no mean, a single one is not enough.
+        assert_eq!(far_out(&problem, &map, 2, 30.0), None);
+        assert_eq!(far_out(&problem, &map, 3, 30.0), None);
+        // Modulo pi they point the same way.
+        let lines = problem.unoriented();
+        let far = far_out(&lines, &map, 2, 30.0).unwrap();
+        assert!((far - Point2::new(0.0, 63.0)).norm() < 1e-9, "{far}");
+        let far = far_out(&lines, &map, 1, 30.0).unwrap();
+        assert!((far - Point2::new(0.0, 62.0)).norm() < 1e-9, "{far}");
+    }
+
+    /// A refined map whose last landmark is so far away that its rays are parallel within the noise.
+    fn distant() -> (Problem, Reconstruction) {
+        let arena = crate::simulate::Arena::default();
+        let layout = crate::simulate::Layout::Enclosed;
+        let scene = crate::simulate::simulate(layout, 5, 9, 0.01, 3, arena).unwrap();
+        let mut map = scene.map();
+        map.landmarks[8] = Some(Point2::new(3e4, -2e4));
+        let mut bearings = scene.bearings;
+        for (view, pose) in scene.poses.iter().enumerate() {
+            let bearing = crate::geometry::bearing_to(pose, &map.landmarks[8].unwrap());
+            bearings[view * 9 + 8] = bearing.unwrap().angle() + 0.002 * view as f64;
+        }
+        let problem = Problem::dense(5, 9, &bearings, 0.01).unwrap();
+        let options = crate::lm::RefineOptions::default();
+        let report = crate::adjustment::refine_map(&problem, &mut map, &options, None).unwrap();
+        let found = Reconstruction::new(&problem, &map, report);
+        (problem, found)
+    }
+
+    /// Landmarks are tested only against noise of a plausible map, and stay where it depends on them: the last one leaves
+    /// three bearings without a landmark.
+    #[test]
+    fn landmarks_are_unbounded_within_the_noise_of_a_plausible_map() {
+        let (problem, found) = distant();
+        let options = InfinityOptions::default();
+        let with = |change: fn(&mut Reconstruction)| {
+            let mut found = found.clone();
+            // So that the variance stays.
+            let variance = variance(&found);
+            change(&mut found);
+            found.cost = 0.5 * variance * found.freedom as f64;
+            unbounded(&problem, &found, &options)
+        };
+        assert_eq!(with(|_| ()), [8]);
+        assert_eq!(with(|found| found.freedom = 4), [8]);
+        assert_eq!(with(|found| found.freedom = 3), [0; 0]);
+        assert_eq!(with(|found| found.freedom = 0), [0; 0]);
+        assert_eq!(
+            with(|found| found.termination = Termination::ZeroResidual),
+            [0; 0]
+        );
+        assert_eq!(with(|found| found.rms = 0.099), [8]);
+        assert_eq!(with(|found| found.rms = 0.101), [0; 0]);
+    }
+
+    /// A landmark that is dropped is listed once, and its bearings count when it is put back.
+    #[test]
+    fn landmarks_at_infinity_are_listed_and_put_back() {
+        let (problem, mut found) = distant();
+        let whole = found.map.clone();
+        let missing = Undetermined {
+            subject: Subject::Landmark(2),
+            why: Why::Degenerate,
+        };
+        found.map.landmarks[2] = None;
+        found.undetermined = Vec::from([missing]);
+        drop_landmarks_at_infinity(&problem, &mut found, &InfinityOptions::default());
+        let far = Undetermined {
+            subject: Subject::Landmark(8),
+            why: Why::AtInfinity,
+        };
+        assert_eq!(found.undetermined, [missing, far]);
+        assert_eq!(found.map.landmarks[8], None);
+        let back = with_landmarks_at_infinity(&problem, &found, 30.0);
+        assert_eq!(back.landmarks[2], None);
+        assert_eq!(back.landmarks[1], whole.landmarks[1]);
+        let away = back.landmarks[8].unwrap().coords;
+        let expected = whole.landmarks[8].unwrap().coords.normalize();
+        assert!((away.normalize() - expected).norm() < 0.1, "{away}");
+        assert!(away.norm() > 20.0 * size(&back));
+    }
+
+    /// Once the farthest are gone, the map is smaller, and others are beyond its horizon.
+    #[test]
+    fn the_horizon_comes_nearer_as_landmarks_go() {
+        let (near, far, farthest) = (1.0, 1e7, 1e14);
+        let poses = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
+        let landmarks = [
+            (near, near),
+            (far, 0.0),
+            (-far, 0.0),
+            (0.0, far),
+            (farthest, 0.0),
+            (-farthest, 0.0),
+            (0.0, farthest),
+            (0.0, -farthest),
+        ];
+        let problem = Problem::dense(3, 8, &[0.1; 24], 0.1).unwrap();
+        let (_, mut found) = distant();
+        found.map = Map {
+            poses: poses.map(|(x, y)| Some(pose(x, y, 0.3))).to_vec(),
+            landmarks: landmarks.map(|(x, y)| Some(Point2::new(x, y))).to_vec(),
+        };
+        (found.freedom, found.undetermined) = (0, Vec::new());
+        let options = InfinityOptions::default();
+        assert_eq!(beyond_horizon(&problem, &found.map, &options), [4, 5, 6, 7]);
+        drop_landmarks_at_infinity(&problem, &mut found, &options);
+        assert_eq!(found.map.landmarks.iter().flatten().count(), 1);
+        let listed = found.undetermined.iter().map(|one| one.subject);
+        assert!(listed.eq((1..8).map(Subject::Landmark)));
+        let known = crate::problem::LandmarkPrior {
+            landmark: 5,
+            position: Point2::origin(),
+            noise: Noise::Sigmas([1.0, 1.0]),
+        };
+        let problem = problem.with_landmark_priors(&[known]).unwrap();
+        let mut map = found.map;
+        map.landmarks = landmarks.map(|(x, y)| Some(Point2::new(x, y))).to_vec();
+        assert_eq!(beyond_horizon(&problem, &map, &options), [4, 6, 7]);
+    }
 }

@@ -268,3 +268,236 @@ fn inliers_and_outliers(found: &Reconstruction) -> (usize, usize) {
     let inliers = found.inliers.iter().filter(|inlier| **inlier).count();
     (inliers, found.inliers.len() - inliers)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::lm::RefineOptions;
+    use crate::problem::{LandmarkPrior, Noise, Subject};
+    use crate::simulate::{Arena, Layout, simulate};
+    use alloc::vec::Vec;
+    use nalgebra::Point2;
+
+    /// A map of five views and nine landmarks with stated standard deviations.
+    fn setting(noise: f64) -> (Problem, Reconstruction) {
+        let scene = simulate(Layout::Enclosed, 5, 9, noise, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let found = Reconstruction::new(&problem, &map, report);
+        (problem, found)
+    }
+
+    fn undetermined(why: Why) -> Undetermined {
+        Undetermined {
+            subject: Subject::Landmark(2),
+            why,
+        }
+    }
+
+    const FEW: Why = Why::TooFewSightings { got: 1, needed: 2 };
+
+    #[test]
+    fn the_uncertainty_is_the_sensitivity_at_the_noise() {
+        let (problem, mut found) = setting(0.02);
+        // Twice what is stated, and 16 degrees of freedom.
+        assert_eq!(found.freedom, 16);
+        found.cost = 32.0;
+        assert_eq!(variance(&found), 4.0);
+        assess(&problem, &mut found);
+        assert!(found.sensitivity > 0.0);
+        assert_eq!(found.uncertainty, 2.0 * found.sensitivity);
+        found.freedom = 0;
+        assert_eq!(variance(&found), 64.0);
+        found.uncertainty = f64::NAN;
+        assess(&problem, &mut found);
+        assert!(found.uncertainty.is_nan());
+    }
+
+    /// A map of exact bearings is refused when it is a wall, or hardly changes a bearing along some direction; with noise,
+    /// or with priors, never.
+    #[test]
+    fn exact_maps_with_a_free_direction_are_refused() {
+        let (problem, found) = setting(0.0);
+        let kind = |problem: &Problem, found: &Reconstruction| match refuse_free(problem, found) {
+            Err(Error::Degenerate { kind, value, bound }) => {
+                assert!(value < bound || kind == Degeneracy::FreeMap);
+                Some(kind)
+            }
+            other => {
+                assert_eq!(other, Ok(()));
+                None
+            }
+        };
+        // Per radian, with sigmas of a hundredth: the root mean square of one over sigma is 100.
+        assert!((mean_weight(&problem) - 100.0).abs() < 1e-9);
+        let bound = 0.01 / (8.0 * f64::EPSILON.sqrt());
+        let with = |sensitivity: f64, rms: f64| {
+            let mut found = found.clone();
+            (found.sensitivity, found.rms) = (sensitivity, rms);
+            found
+        };
+        assert_eq!(kind(&problem, &with(0.99 * bound, 0.0)), None);
+        for sensitivity in [1.01 * bound, f64::INFINITY, f64::NAN] {
+            let free = with(sensitivity, 0.0);
+            assert_eq!(kind(&problem, &free), Some(Degeneracy::FreeMap));
+        }
+        assert_eq!(kind(&problem, &with(f64::INFINITY, 2e-8)), None);
+        let mut wall = with(1.0, 0.0);
+        for (k, point) in wall.map.landmarks.iter_mut().flatten().enumerate() {
+            *point = Point2::new(k as f64, 2.0 + 1e-8 * (k % 2) as f64);
+        }
+        assert_eq!(kind(&problem, &wall), Some(Degeneracy::CollinearLandmarks));
+        // One of them may be at infinity: then it is a wall only where a direction is free.
+        wall.map.landmarks[3] = None;
+        assert_eq!(kind(&problem, &wall), None);
+        wall.sensitivity = f64::INFINITY;
+        assert_eq!(kind(&problem, &wall), Some(Degeneracy::CollinearLandmarks));
+        let known = LandmarkPrior {
+            landmark: 0,
+            position: Point2::new(0.0, 2.0),
+            noise: Noise::Sigmas([1.0, 1.0]),
+        };
+        let tied = problem.clone().with_landmark_priors(&[known]).unwrap();
+        assert_eq!(kind(&tied, &wall), None);
+    }
+
+    /// With 50 degrees of freedom twice the cost is 50 within ten for each standard deviation.
+    #[test]
+    fn costs_are_judged_by_their_standard_deviation() {
+        let (problem, mut found) = setting(0.01);
+        let options = JudgeOptions::default();
+        let unstated = Problem::dense(1, 2, &[0.1, 0.2], 1.0).unwrap();
+        assert!(is_stated(&problem) && !is_stated(&unstated));
+        found.freedom = 50;
+        found.termination = Termination::Converged;
+        // (deviations, plausible, plausible with priors, too costly by two, by three)
+        for (deviations, plausible, costly) in [
+            (-3.1, false, [false, false]),
+            (-2.9, true, [false, false]),
+            (2.3, true, [false, false]),
+            (2.5, true, [true, false]),
+            (3.1, false, [true, false]),
+            (4.0, false, [true, true]),
+        ] {
+            found.cost = 0.5 * (50.0 + 10.0 * deviations);
+            assert_eq!(is_plausible(&found, &options), plausible, "{deviations}");
+            assert_eq!(
+                is_plausible_posterior(&found, &options),
+                plausible,
+                "{deviations}"
+            );
+            for (bound, costly) in [2.0, 3.0].into_iter().zip(costly) {
+                assert_eq!(
+                    is_too_costly(&problem, &found, bound),
+                    costly,
+                    "{deviations}"
+                );
+                assert!(!is_too_costly(&unstated, &found, bound));
+            }
+        }
+        // Few degrees of freedom tell nothing, and with priors only too high a cost does.
+        found.freedom = 19;
+        for (cost, posterior) in [(0.0, true), (0.5 * 19.0, true), (0.5 * 38.0, false)] {
+            found.cost = cost;
+            assert!(!is_plausible(&found, &options));
+            assert_eq!(
+                is_plausible_posterior(&found, &options),
+                posterior,
+                "{cost}"
+            );
+        }
+        // An exact map is plausible in any case, one that leaves something out is not.
+        found.termination = Termination::ZeroResidual;
+        assert!(is_plausible(&found, &options));
+        found.termination = Termination::Converged;
+        (found.freedom, found.cost) = (50, 25.0);
+        assert!(is_plausible(&found, &options) && is_plausible_posterior(&found, &options));
+        found.undetermined = Vec::from([undetermined(FEW)]);
+        assert!(!is_plausible(&found, &options) && is_plausible_posterior(&found, &options));
+        found.undetermined.push(undetermined(Why::Degenerate));
+        assert!(!is_plausible_posterior(&found, &options));
+        found.undetermined.clear();
+        found.termination = Termination::MaxIterations;
+        assert!(!is_plausible_posterior(&found, &options));
+    }
+
+    /// Two further degrees of freedom add two to the sum of the squares, with a standard deviation of two.
+    #[test]
+    fn an_excess_is_judged_by_the_noise() {
+        let (problem, _) = setting(0.01);
+        let unstated = Problem::dense(1, 2, &[0.1, 0.2], 1.0).unwrap();
+        // Up to three standard deviations, and the square of three because few squares have a long tail.
+        let most = 2.0 + 3.0 * 2.0 + 9.0;
+        for (problem, variance, noise) in [
+            (&problem, 4.0, 4.0),
+            (&problem, 0.1, 1.0),
+            (&unstated, 0.1, 0.1),
+        ] {
+            let plausible = |excess| is_excess_plausible(problem, excess, 2, variance, 3.0);
+            assert!(plausible(0.999 * most * noise) && !plausible(1.001 * most * noise));
+        }
+        // Exact bearings leave rounding.
+        assert!(is_excess_plausible(&unstated, 1e-16, 2, 0.0, 3.0));
+    }
+
+    #[test]
+    fn what_has_too_few_sightings_or_is_at_infinity_leaves_nothing_out() {
+        let (_, mut found) = setting(0.01);
+        found.undetermined = Vec::from([undetermined(FEW), undetermined(Why::AtInfinity)]);
+        assert!(!is_incomplete(&found));
+        found.components = Vec::from([found.clone()]);
+        assert!(is_incomplete(&found));
+        found.components.clear();
+        found.undetermined.push(undetermined(Why::Degenerate));
+        assert!(is_incomplete(&found));
+    }
+
+    /// A robust map may have a third of outliers with priors, and four for each spare inlier without; half of all along
+    /// odometry. A few outliers are never held against it.
+    #[test]
+    fn maps_of_too_many_outliers_are_refused() {
+        let (_, mut found) = setting(0.01);
+        found.termination = Termination::Converged;
+        let options = JudgeOptions::default();
+        let mut with = |outliers: usize, freedom: usize| {
+            found.inliers = (0..45).map(|k| k >= outliers).collect();
+            found.freedom = freedom;
+            found.clone()
+        };
+        for (outliers, plausible) in [(15, true), (16, false)] {
+            let found = with(outliers, 9);
+            assert_eq!(is_plausible_consensus(&found, &options), plausible);
+        }
+        let mut incomplete = with(3, 9);
+        let why = Why::TooFewInliers { got: 1, needed: 2 };
+        incomplete.undetermined = Vec::from([undetermined(why), undetermined(FEW)]);
+        assert!(is_plausible_consensus(&incomplete, &options));
+        incomplete.undetermined.push(undetermined(Why::AtInfinity));
+        assert!(!is_plausible_consensus(&incomplete, &options));
+        incomplete.undetermined.clear();
+        incomplete.termination = Termination::MaxIterations;
+        assert!(!is_plausible_consensus(&incomplete, &options));
+        for (outliers, freedom, refused) in
+            [(12, 3, false), (13, 3, true), (2, 0, false), (3, 0, true)]
+        {
+            let error = Error::NoConsensus {
+                inliers: 45 - outliers,
+                outliers,
+                freedom,
+            };
+            let expected = if refused { Err(error) } else { Ok(()) };
+            assert_eq!(refuse_chance(&with(outliers, freedom), &options), expected);
+        }
+        for (outliers, refused) in [(22, false), (23, true)] {
+            assert_eq!(
+                refuse_minority(&with(outliers, 9), &options).is_err(),
+                refused
+            );
+        }
+        let mut few = with(0, 9);
+        few.inliers = Vec::from([false, false, true]);
+        assert_eq!(refuse_minority(&few, &options), Ok(()));
+    }
+}

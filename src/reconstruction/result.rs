@@ -175,8 +175,11 @@ fn freedom(problem: &Problem, map: &Map, inliers: &[bool]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::Why;
+    use crate::geometry::pose;
+    use crate::problem::{Sighting, Why};
+    use crate::simulate::{Arena, Layout, simulate};
     use alloc::string::ToString;
+    use nalgebra::Point2;
 
     #[test]
     fn a_reconstruction_prints_as_one_line() {
@@ -209,6 +212,16 @@ mod tests {
             found.to_string(),
             "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, not refined; 1 other component"
         );
+        found.undetermined = [Subject::View(1), Subject::Landmark(3), Subject::Landmark(4)]
+            .map(|subject| Undetermined {
+                subject,
+                why: Why::Degenerate,
+            })
+            .to_vec();
+        assert_eq!(
+            found.to_string(),
+            "12 views, 15 landmarks, rms 0.491 deg, cost 71.2, not refined; 1 view and 2 landmarks undetermined; 1 other component"
+        );
         let all = "12 views, 15 landmarks; 12 views and 15 landmarks undetermined";
         assert_eq!(found.map.to_string(), all);
     }
@@ -224,11 +237,127 @@ mod tests {
             (12.345, "12.3"),
             (123.45, "123"),
             (12345.6, "12346"),
+            (0.000999, "9.99e-4"),
+            (999_999.0, "999999"),
+            (1.2345e6, "1.23e6"),
             (1.2345e8, "1.23e8"),
             (f64::NAN, "NaN"),
         ];
         for (value, expected) in cases {
             assert_eq!(Short(value).to_string(), expected);
+        }
+    }
+
+    /// A map of one view and four landmarks ahead, off their bearings by these standard deviations, in another order than
+    /// that of the landmarks.
+    fn off(deviations: [f64; 4], loss: Loss) -> Reconstruction {
+        let angles = [0.1, 0.4, 0.9, 1.5_f64];
+        let map = Map {
+            poses: Vec::from([Some(pose(0.0, 0.0, 0.0)), None]),
+            landmarks: angles
+                .map(|angle| Some(Point2::new(3.0 * angle.cos(), 3.0 * angle.sin())))
+                .to_vec(),
+        };
+        let sightings = [2, 0, 3, 1].map(|landmark: usize| Sighting {
+            view: 0,
+            landmark,
+            bearing: angles[landmark] - 0.01 * deviations[landmark],
+            sigma: 0.01,
+        });
+        let other = Sighting {
+            view: 1,
+            ..sightings[0]
+        };
+        let problem = Problem::new(2, 4, &[&[other], &sightings[..]].concat()).unwrap();
+        let cost = cost(&problem, &map, loss);
+        let report = Report {
+            cost,
+            termination: Termination::Converged,
+            iterations: 3,
+            undetermined: Vec::new(),
+            loss,
+        };
+        Reconstruction::new(&problem, &map, report)
+    }
+
+    /// Residuals and inliers come in the order of the input; what the map does not reach has none.
+    #[test]
+    fn residuals_come_in_the_order_of_the_input() {
+        let found = off([1.0, -2.0, 2.9, 3.1], Loss::Squared);
+        assert_eq!(found.residuals[0], None);
+        for (residual, expected) in found.residuals[1..].iter().zip([2.9, 1.0, 3.1, -2.0]) {
+            assert!((residual.unwrap() - 0.01 * expected).abs() < 1e-12);
+        }
+        assert_eq!(found.inliers, [false, true, true, true, true]);
+        let squares = 1.0 + 4.0 + 2.9 * 2.9 + 3.1 * 3.1;
+        assert!((found.rms - 0.01 * (squares / 4.0_f64).sqrt()).abs() < 1e-12);
+        assert!((found.cost / (0.5 * squares) - 1.0).abs() < 1e-9);
+        let truncated = off([1.0, -2.0, 2.9, 3.1], Loss::Truncated(3.0));
+        assert_eq!(truncated.inliers, [false, true, true, false, true]);
+        assert!((truncated.cost / (0.5 * (squares - 3.1 * 3.1 + 9.0)) - 1.0).abs() < 1e-9);
+    }
+
+    /// What a component has is not undetermined, and comes with it.
+    #[test]
+    fn components_determine_what_they_contain() {
+        let mut found = off([0.0; 4], Loss::Squared);
+        let one = |subject| Undetermined {
+            subject,
+            why: Why::Degenerate,
+        };
+        let (view, landmark) = (Subject::View(1), Subject::Landmark(2));
+        found.undetermined = Vec::from([one(Subject::View(0)), one(view), one(landmark)]);
+        let mut other = found.clone();
+        other.map = Map::empty(2, 4);
+        other.map.poses[1] = Some(pose(0.0, 0.0, 0.0));
+        found.attach(Vec::from([other.clone()]));
+        assert_eq!(found.undetermined, [one(Subject::View(0)), one(landmark)]);
+        assert_eq!(found.components.len(), 1);
+        other.map.landmarks[2] = Some(Point2::origin());
+        found.attach(Vec::from([other]));
+        assert_eq!(found.undetermined, [one(Subject::View(0))]);
+    }
+
+    /// Measured numbers and the gauge over unknowns, never below zero.
+    #[test]
+    fn the_freedom_is_what_is_measured_beyond_the_unknowns() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        assert_eq!(freedom(&problem, &map, &[true; 45]), 45 + 4 - 15 - 18);
+        assert_eq!(freedom(&problem, &map, &[false; 45]), 0);
+        map.landmarks[3] = None;
+        let seen: Vec<bool> = (0..45).map(|k| k % 9 != 3).collect();
+        assert_eq!(freedom(&problem, &map, &seen), 40 + 4 - 15 - 16);
+        let odometry = scene.odometry([0.1, 0.1, 0.1], 1).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        // It has three numbers for each motion, and fixes the scale.
+        assert_eq!(freedom(&problem, &map, &seen), 40 + 12 + 3 - 15 - 16);
+    }
+
+    /// The cost that the refinement reports stands unless that of the map in its frame differs by more than rounding.
+    #[test]
+    fn the_reported_cost_stands_up_to_rounding() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let map = scene.map();
+        let exact = cost(&problem, &map, Loss::Squared);
+        for (times, stands) in [
+            (1.0 + 1e-10, true),
+            (1.0 - 1e-10, true),
+            (1.0 + 1e-8, false),
+            (1.0 - 1e-8, false),
+        ] {
+            let report = Report {
+                cost: exact * times,
+                termination: Termination::Converged,
+                iterations: 3,
+                undetermined: Vec::new(),
+                loss: Loss::Squared,
+            };
+            let found = Reconstruction::new(&problem, &map, report);
+            assert_eq!(found.cost == exact * times, stands, "{times}");
+            assert!((found.cost / exact - 1.0).abs() < 2e-10);
         }
     }
 }

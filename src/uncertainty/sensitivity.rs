@@ -196,7 +196,12 @@ pub fn unbounded_landmarks(problem: &Problem, map: &Map, variance: f64) -> Vec<u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::adjustment::decompose::symmetric_eigen;
+    use crate::geometry::pose;
+    use crate::problem::LandmarkPrior;
+    use crate::problem::Noise;
     use crate::simulate::{Arena, Layout, simulate};
+    use nalgebra::{DMatrix, Point2};
 
     /// The ways to compute it, each for problems of any size.
     const WAYS: [fn(&Bundle, &Problem) -> f64; 3] =
@@ -220,6 +225,137 @@ mod tests {
                     "{k} {scale}: {ratio}"
                 );
             }
+        }
+    }
+
+    /// The iteration finds the largest eigenvector of the covariance of the kept blocks in units of conditional standard
+    /// deviations, one standard deviation long.
+    fn check_weakest_direction<const E: usize, const K: usize>(bundle: &Bundle, problem: &Problem)
+    where
+        for<'x> GroupedSightings<'x>: Grouped<E, K>,
+    {
+        let mut rows = Rows::of(problem);
+        bundle.linearize(problem, Loss::Squared, &mut rows);
+        let grouped = GroupedSightings {
+            problem,
+            rows: &rows.sightings,
+        };
+        let mut schur = Schur::<E, K>::new();
+        assert!(schur.factorize(&grouped, 0.0, &gauge::<K>(bundle)));
+        let size = schur.size();
+        let mut covariance = DMatrix::identity(size, size);
+        for mut column in covariance.column_iter_mut() {
+            schur.solve_reduced(column.as_mut_slice());
+        }
+        let units = |k: usize| schur.information(k).sqrt();
+        let whitened =
+            DMatrix::from_fn(size, size, |i, j| units(i) * covariance[(i, j)] * units(j));
+        let eigen = symmetric_eigen(whitened).unwrap();
+        let most = eigen.eigenvalues.imax();
+        let found = weakest_direction(&schur);
+        let length = eigen.eigenvalues[most].sqrt();
+        let expected: Vec<f64> = (0..size)
+            .map(|k| eigen.eigenvectors[(k, most)] * length / units(k))
+            .collect();
+        let norm = |a: &[f64]| a.iter().map(|a| a * a).sum::<f64>().sqrt();
+        let sign = expected
+            .iter()
+            .zip(&found)
+            .map(|(a, b)| a * b)
+            .sum::<f64>()
+            .signum();
+        let apart: Vec<f64> = expected
+            .iter()
+            .zip(&found)
+            .map(|(a, b)| a * sign - b)
+            .collect();
+        // As far as six steps of the iteration go.
+        assert!(
+            norm(&apart) < 0.05 * norm(&expected),
+            "{E}: {}",
+            norm(&apart) / norm(&expected)
+        );
+    }
+
+    #[test]
+    fn the_weakest_direction_is_the_largest_of_the_covariance() {
+        // The landmarks are almost on a line, which is a weak direction.
+        let poses = [
+            (0.0, 0.0, 0.2),
+            (1.0, 0.4, 1.1),
+            (2.0, -0.3, -0.8),
+            (3.0, 0.5, 2.0),
+            (4.0, 0.1, 0.4),
+        ];
+        let bundle = Bundle {
+            poses: poses.map(|(x, y, theta)| pose(x, y, theta)).to_vec(),
+            landmarks: (0..7)
+                .map(|k| Point2::new(0.8 * f64::from(k), 3.0 + 0.1 * f64::from(k % 3)))
+                .collect(),
+        };
+        let problem = Problem::dense(5, 7, &[0.1; 35], 0.01).unwrap();
+        check_weakest_direction::<3, 2>(&bundle, &problem);
+        check_weakest_direction::<2, 3>(&bundle, &problem);
+    }
+
+    /// A view that sees little is as uncertain as its own bearings leave it, although all landmarks are known well.
+    #[test]
+    fn a_loose_view_makes_a_map_sensitive() {
+        let scene = simulate(Layout::Mixed, 12, 9, 0.0, 2, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        let whole = Problem::dense(12, 9, &bearings, 0.01).unwrap();
+        // What is left to it of its nine landmarks are three.
+        bearings[3..9].fill(f64::NAN);
+        let part = Problem::dense(12, 9, &bearings, 0.01).unwrap();
+        let mut bundle = Bundle::from_map(&scene.map());
+        // It stands far off, and sees them within a few degrees.
+        bundle.poses[0] = pose(60.0, 40.0, 0.3);
+        let mut information = nalgebra::Matrix3::zeros();
+        let mut rows = Rows::of(&part);
+        bundle.linearize(&part, Loss::Squared, &mut rows);
+        for row in &rows.sightings[..3] {
+            let row = nalgebra::Vector3::from(row.pose());
+            information += row * row.transpose();
+        }
+        let variance = information.try_inverse().unwrap();
+        let points = kept_positions::<2>(&bundle);
+        let mean = spread(&points) / points.len() as f64;
+        let expected = ((variance[(0, 0)] + variance[(1, 1)]) / mean).sqrt();
+        let found = weakest_kept::<3, 2>(&bundle, &part);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+        assert!(weakest_kept::<3, 2>(&bundle, &whole) < found);
+    }
+
+    /// Of two views whose rays meet under an angle, a landmark is at infinity when the standard deviation of its range
+    /// exceeds the range, unless a prior knows it.
+    #[test]
+    fn landmarks_without_parallax_are_unbounded() {
+        let (sigma, angle) = (0.01_f64, 0.03_f64);
+        let half = (angle / 2.0).tan();
+        let map = Map {
+            poses: Vec::from([Some(pose(-half, 0.0, 0.3)), Some(pose(half, 0.0, 2.0))]),
+            landmarks: Vec::from([
+                Some(Point2::new(0.0, 1.0)),
+                None,
+                Some(Point2::new(half, 0.5)),
+            ]),
+        };
+        let problem = Problem::dense(2, 3, &[0.1; 6], sigma).unwrap();
+        // Two rays determine the range, in units of itself, up to sqrt(2) sigma over the sine of their angle.
+        let bound = (angle.sin() / sigma).powi(2) / 2.0;
+        assert_eq!(unbounded_landmarks(&problem, &map, 0.99 * bound), [0; 0]);
+        assert_eq!(unbounded_landmarks(&problem, &map, 1.01 * bound), [0]);
+        let known = |landmark: usize| LandmarkPrior {
+            landmark,
+            position: Point2::new(0.0, 1.0),
+            noise: Noise::Sigmas([1.0, 1.0]),
+        };
+        for (landmark, found) in [(0, &[][..]), (2, &[0])] {
+            let problem = problem
+                .clone()
+                .with_landmark_priors(&[known(landmark)])
+                .unwrap();
+            assert_eq!(unbounded_landmarks(&problem, &map, 1.01 * bound), found);
         }
     }
 }

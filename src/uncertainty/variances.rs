@@ -128,3 +128,51 @@ pub fn add_product(matrix: &mut [f64], size: usize, places: &[usize], row: &[f64
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::covariance::covariance;
+    use super::super::frame::Frame;
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// They are the traces of the covariances after alignment with the truth.
+    #[test]
+    fn variances_are_the_traces_of_the_covariances() {
+        for (views, landmarks, seed) in [(4, 9, 1), (9, 5, 2), (6, 8, 3)] {
+            let scene =
+                simulate(Layout::Mixed, views, landmarks, 0.0, seed, Arena::default()).unwrap();
+            let problem = Problem::dense(views, landmarks, &scene.bearings, 0.01).unwrap();
+            let map = scene.map();
+            let found = aligned_variances(&problem, &map).unwrap();
+            let full = covariance(&problem, &map, Loss::Squared, Frame::FreeNetwork, None).unwrap();
+            let poses = full.poses.iter().flatten();
+            let headings: f64 = poses.clone().map(|block| block[(2, 2)]).sum();
+            let of_views: f64 = poses.map(|block| block[(0, 0)] + block[(1, 1)]).sum();
+            let of_landmarks: f64 = full
+                .landmarks
+                .iter()
+                .flatten()
+                .map(|block| block.trace())
+                .sum();
+            let positions = of_views + of_landmarks;
+            assert!(
+                (found.positions / positions - 1.0).abs() < 1e-6,
+                "{seed}: {} {positions}",
+                found.positions
+            );
+            assert!(
+                (found.headings / headings - 1.0).abs() < 1e-6,
+                "{seed}: {} {headings}",
+                found.headings
+            );
+            let mut part = map.clone();
+            part.landmarks[1] = None;
+            assert_eq!(aligned_variances(&problem, &part), None);
+        }
+        // Three views and four landmarks leave a direction free.
+        let scene = simulate(Layout::Mixed, 3, 4, 0.0, 1, Arena::default()).unwrap();
+        let problem = Problem::dense(3, 4, &scene.bearings, 0.01).unwrap();
+        assert_eq!(aligned_variances(&problem, &scene.map()), None);
+    }
+}

@@ -259,3 +259,216 @@ pub fn largest_first<T>(squares: impl Iterator<Item = (T, f64)>) -> Vec<(T, f64)
     movers.sort_by(|a, b| b.1.total_cmp(&a.1));
     movers
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::pose;
+    use crate::problem::{LandmarkPrior, Noise};
+    use nalgebra::Point2;
+
+    /// Views along a lane and landmarks almost on a line, `depth` off it, which leaves a direction weak.
+    fn lane(depth: f64) -> (Bundle, Map) {
+        let poses = [
+            (0.0, 0.0, 0.2),
+            (1.0, 0.4, 1.1),
+            (2.0, -0.3, -0.8),
+            (3.0, 0.5, 2.0),
+            (4.0, 0.1, 0.4),
+        ];
+        let map = Map {
+            poses: poses.map(|(x, y, theta)| Some(pose(x, y, theta))).to_vec(),
+            landmarks: (0..7)
+                .map(|k| {
+                    Some(Point2::new(
+                        0.8 * f64::from(k),
+                        3.0 + depth * f64::from(k % 3),
+                    ))
+                })
+                .collect(),
+        };
+        (Bundle::from_map(&map), map)
+    }
+
+    fn linearized(problem: &Problem, bundle: &Bundle) -> Rows {
+        let mut rows = Rows::of(problem);
+        bundle.linearize(problem, Loss::Squared, &mut rows);
+        rows
+    }
+
+    /// The change of all residuals along a direction, and the largest that a step as long would make.
+    fn changes(problem: &Problem, rows: &Rows, direction: &[f64]) -> (f64, f64) {
+        let views = 3 * problem.views();
+        let (mut along, mut most) = (0.0, 0.0);
+        for (s, row) in problem.sightings().iter().zip(&rows.sightings) {
+            let steps = direction[3 * s.view..][..3]
+                .iter()
+                .chain(&direction[views + 2 * s.landmark..][..2]);
+            let slopes = row.pose().into_iter().chain(row.landmark());
+            let products = steps.zip(slopes).map(|(step, slope)| step * slope);
+            along += products.clone().sum::<f64>().powi(2);
+            most += products.map(f64::abs).sum::<f64>().powi(2);
+        }
+        for row in &rows.priors {
+            let Subject::Landmark(landmark) = row.first.0 else {
+                continue;
+            };
+            let step = &direction[views + 2 * landmark..][..2];
+            for slope in row.first.1 {
+                let product = step[0] * slope[0] + step[1] * slope[1];
+                along += product * product;
+                most += product * product;
+            }
+        }
+        (along.sqrt(), most.sqrt())
+    }
+
+    /// The iteration finds the largest eigenvectors of the covariance in units of conditional standard deviations, each one
+    /// standard deviation long.
+    #[test]
+    fn the_weakest_directions_are_the_largest_of_the_covariance() {
+        let (bundle, _) = lane(0.1);
+        let problem = Problem::dense(5, 7, &[0.1; 35], 0.01).unwrap();
+        let rows = linearized(&problem, &bundle);
+        let mut normal = Normal::new(&problem).unwrap();
+        normal.assemble(&rows, &gauge_directions(&problem, &bundle));
+        assert!(normal.factorize(0.0));
+        let size = normal.size();
+        let mut covariance = DMatrix::identity(size, size);
+        normal.solve(covariance.as_mut_slice());
+        let unit = |k: usize| normal.diagonal(k).sqrt();
+        let whitened = DMatrix::from_fn(size, size, |i, j| unit(i) * covariance[(i, j)] * unit(j));
+        let eigen = symmetric_eigen(whitened).unwrap();
+        let mut order: Vec<usize> = (0..size).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        let found = weakest(&normal, 6, &mut || Ok(())).unwrap();
+        assert_eq!(found.len(), 6);
+        // The last ones have not converged yet.
+        for (pair, &k) in found.iter().zip(&order).take(3) {
+            assert!(
+                (pair.gain / eigen.eigenvalues[k] - 1.0).abs() < 0.02,
+                "{}",
+                pair.gain
+            );
+            let expected =
+                (0..size).map(|i| eigen.eigenvectors[(i, k)] * pair.gain.sqrt() / unit(i));
+            let expected: Vec<f64> = expected.collect();
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let (own, other) = (
+                dot(&expected, &expected),
+                dot(&pair.direction, &pair.direction),
+            );
+            assert!((other / own - 1.0).abs() < 0.02, "{own} {other}");
+            let cosine = dot(&expected, &pair.direction).abs() / (own * other).sqrt();
+            assert!(cosine > 0.99, "{cosine}");
+        }
+        assert!(found.is_sorted_by(|a, b| a.gain >= b.gain));
+        let more = weakest(&normal, size + 5, &mut || Ok(())).unwrap();
+        assert_eq!(more.len(), size);
+        let stopped = weakest(&normal, 2, &mut || Err(Error::Interrupted));
+        assert_eq!(stopped.err(), Some(Error::Interrupted));
+    }
+
+    /// Along a free direction no residual changes, and there are as many whatever the standard deviations of priors.
+    #[test]
+    fn free_directions_do_not_depend_on_the_weights_of_priors() {
+        let (bundle, map) = lane(0.0);
+        let alone = |sigma| Problem::dense(5, 7, &[0.1; 35], sigma).unwrap();
+        let known = |landmark: usize, sigma: f64| LandmarkPrior {
+            landmark,
+            position: map.landmarks[landmark].unwrap(),
+            noise: Noise::Covariance([
+                [sigma * sigma, 0.5 * sigma * sigma],
+                [0.5 * sigma * sigma, sigma * sigma],
+            ]),
+        };
+        for (sigma, of_bearings) in [
+            (1e-5, 0.01),
+            (0.1, 0.01),
+            (1e5, 0.01),
+            (1.0, 1e-8),
+            (1.0, 1e4),
+        ] {
+            for (landmarks, free) in [(&[][..], 1), (&[0, 6], 1), (&[0, 3, 6], 0)] {
+                let known: Vec<_> = landmarks.iter().map(|&k| known(k, sigma)).collect();
+                let problem = alone(of_bearings);
+                let problem = problem.with_landmark_priors(&known).unwrap();
+                let rows = linearized(&problem, &bundle);
+                let mut normal = Normal::new(&problem).unwrap();
+                let gauge = gauge_directions(&problem, &bundle);
+                let found = free_directions(&mut normal, &rows, &gauge, 5, &mut || Ok(())).unwrap();
+                assert_eq!(found.len(), free, "{sigma} {landmarks:?}");
+                for direction in found {
+                    let (along, most) = changes(&problem, &rows, &direction);
+                    assert!(
+                        along < 1e-5 * most,
+                        "{sigma} {landmarks:?}: {along:e} {most:e}"
+                    );
+                }
+            }
+        }
+    }
+
+    /// A direction that is weaker than all others makes up the covariance: its length is that of the standard deviations,
+    /// which grow with the residuals and not with the unit of length.
+    #[test]
+    fn the_deviation_along_the_weakest_direction_is_that_of_the_map() {
+        let (_, map) = lane(0.002);
+        let problem = Problem::dense(5, 7, &[0.1; 35], 0.01).unwrap();
+        let weakest = |map: &Map, sigmas| {
+            let found = weakest_directions::<()>(&problem, map, 3, sigmas, &mut || Ok(()));
+            found.unwrap()
+        };
+        let found = weakest(&map, 1.0);
+        assert_eq!(found.len(), 3);
+        let first = &found[0];
+        assert!(!first.free && first.cause.is_none());
+        let frame = super::super::frame::Frame::FreeNetwork;
+        let covariance =
+            super::super::covariance::covariance(&problem, &map, Loss::Squared, frame, None);
+        let covariance = covariance.unwrap();
+        let of_views = covariance
+            .poses
+            .iter()
+            .flatten()
+            .map(|block| block[(0, 0)] + block[(1, 1)]);
+        let of_landmarks = covariance
+            .landmarks
+            .iter()
+            .flatten()
+            .map(|block| block.trace());
+        let variances: Vec<f64> = of_views.chain(of_landmarks).collect();
+        let sum: f64 = variances.iter().sum();
+        let most = variances.iter().copied().fold(0.0, f64::max);
+        let places: Vec<_> = map.view_positions().collect();
+        let size = (spread(&places) / 5.0).sqrt();
+        for (found, expected) in [(first.deviation, sum / 12.0), (first.largest, most)] {
+            let expected = expected.sqrt() / size;
+            assert!((found / expected - 1.0).abs() < 0.03, "{found} {expected}");
+        }
+        // Shares of the squared moves, the largest first.
+        let share = (first.largest / first.deviation).powi(2) / 12.0;
+        assert!((first.movers[0].1 / share - 1.0).abs() < 1e-9);
+        assert!(first.movers.is_sorted_by(|a, b| a.1 >= b.1));
+        assert!(first.movers.iter().all(|mover| mover.1 > LISTED));
+        assert!(found.is_sorted_by(|a, b| a.singular_value <= b.singular_value));
+        let larger = map.transformed(&nalgebra::Similarity2::new(
+            nalgebra::Vector2::zeros(),
+            0.3,
+            8.0,
+        ));
+        for (other, times) in [(weakest(&map, 3.0), 3.0), (weakest(&larger, 1.0), 1.0)] {
+            let ratio = other[0].deviation / first.deviation;
+            assert!((ratio / times - 1.0).abs() < 1e-3, "{times}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn movers_are_listed_with_their_shares() {
+        let squares = [("a", 1.0), ("b", 50.0), ("c", 0.4), ("d", 48.6)];
+        let found = largest_first(squares.into_iter());
+        assert_eq!(found.len(), 2);
+        assert_eq!([found[0].0, found[1].0], ["b", "d"]);
+        assert!((found[0].1 - 0.5).abs() < 1e-12 && (found[1].1 - 0.486).abs() < 1e-12);
+    }
+}

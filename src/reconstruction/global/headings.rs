@@ -207,4 +207,46 @@ mod tests {
             relatives.rotate_left(1);
         }
     }
+
+    /// Among exact triples a wrong one moves no heading, the less so the worse it is determined.
+    #[test]
+    fn a_wrong_triple_is_outvoted() {
+        let views: Vec<[usize; 3]> = (0..5).map(|k| [k, k + 1, k + 2]).collect();
+        let group: Vec<usize> = (0..7).collect();
+        for off in [0.05, -0.3] {
+            let mut relatives: Vec<Relative> =
+                views.iter().map(|&views| triple(views, false)).collect();
+            relatives.extend((0..4).map(|k| triple([k, k + 1, k + 3], false)));
+            relatives[3].branches[0][1] *= UnitComplex::new(off);
+            let found = average(7, &relatives, &group, &AveragingOptions::default());
+            let turn = found[0].unwrap() / truth(0);
+            for (view, heading) in found.iter().enumerate() {
+                let error = heading.unwrap().angle_to(&(turn * truth(view)));
+                assert!(error.abs() < 1e-6, "{off} {view}: {error}");
+            }
+        }
+    }
+
+    /// Where two triples contradict each other, headings are averaged by the squares of their qualities.
+    #[test]
+    fn headings_are_averaged_by_quality() {
+        let off = 0.01;
+        let mut relatives = vec![triple([0, 1, 2], false), triple([0, 1, 2], false)];
+        relatives[1].quality = 3.0;
+        for view in [1, 2] {
+            relatives[1].branches[0][view] *= UnitComplex::new(off * view as f64);
+        }
+        // So that all count fully.
+        let options = AveragingOptions {
+            cauchy_medians: 1e6,
+            ..AveragingOptions::default()
+        };
+        let found = average(3, &relatives, &[0, 1, 2], &options);
+        let turn = found[0].unwrap() / truth(0);
+        for view in [1, 2] {
+            let error = (turn * truth(view)).angle_to(&found[view].unwrap());
+            let share = error / (off * view as f64);
+            assert!((share - 0.9).abs() < 1e-3, "{view}: {share}");
+        }
+    }
 }

@@ -207,3 +207,84 @@ fn add(vector: &mut DVector<f64>, view: usize, value: Vector2<f64>) {
     vector[2 * view] += value.x;
     vector[2 * view + 1] += value.y;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn exact() -> (
+        crate::simulate::Scene,
+        Problem,
+        Vec<Option<UnitComplex<f64>>>,
+    ) {
+        let arena = crate::simulate::Arena::default();
+        let layout = crate::simulate::Layout::Enclosed;
+        let scene = crate::simulate::simulate(layout, 6, 9, 0.0, 2, arena).unwrap();
+        let problem = Problem::dense(6, 9, &scene.bearings, 0.01).unwrap();
+        let headings = scene.poses.iter().map(|pose| Some(pose.rotation)).collect();
+        (scene, problem, headings)
+    }
+
+    /// Exact headings and bearings give the exact map, not its mirror image through a point.
+    #[test]
+    fn exact_headings_give_the_exact_map() {
+        let (scene, problem, mut headings) = exact();
+        // With more steps of the iteration than a first map needs.
+        let options = PositionOptions {
+            steps: 30,
+            ..PositionOptions::default()
+        };
+        let truth = scene.map().normalized();
+        let found = solve(&problem, &headings, &options).unwrap();
+        let close = |found: &Map, truth: &Map| {
+            let pairs = found.poses.iter().zip(&truth.poses);
+            for (pose, truth) in pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))) {
+                assert!((pose.translation.vector - truth.translation.vector).norm() < 1e-6);
+            }
+            let pairs = found.landmarks.iter().zip(&truth.landmarks);
+            for (point, truth) in pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))) {
+                assert!((point - truth).norm() < 1e-6);
+            }
+        };
+        assert!(found.is_complete());
+        close(&found.normalized(), &truth);
+        headings[4] = None;
+        let found = solve(&problem, &headings, &options).unwrap();
+        assert_eq!(found.poses[4], None);
+        assert!(found.landmarks.iter().all(Option::is_some));
+        let mut part = scene.map();
+        part.poses[4] = None;
+        close(&found.normalized(), &part.normalized());
+        headings[1..].fill(None);
+        assert!(solve(&problem, &headings, &options).is_none());
+    }
+
+    /// After a round each ray weighs as much as its landmark is near, in units of the median, but the nearest not more than
+    /// a bound.
+    #[test]
+    fn rays_are_weighed_by_their_range() {
+        let options = PositionOptions::default();
+        let ray = |view: usize| DirectedRay {
+            view,
+            along: Vector2::x(),
+            weight: 1.0,
+            sharpness: 2.0,
+        };
+        let mut bundles = Vec::from([RayBundle {
+            landmark: 0,
+            rays: (0..5).map(ray).collect(),
+            point: Vector2::zeros(),
+        }]);
+        let nearest = options.nearest * 0.1;
+        let positions =
+            DVector::from_vec(vec![1.0, 0.0, 0.0, 2.0, 4.0, 0.0, 0.0, -nearest, 0.0, -8.0]);
+        reweight(&mut bundles, &positions, &options);
+        let weights: Vec<f64> = bundles[0].rays.iter().map(|ray| ray.weight).collect();
+        for (found, expected) in weights
+            .iter()
+            .zip([4.0, 2.0, 1.0, 2.0 / options.nearest, 0.5])
+        {
+            assert!((found / expected - 1.0).abs() < 1e-12, "{weights:?}");
+        }
+    }
+}

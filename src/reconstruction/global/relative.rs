@@ -142,4 +142,46 @@ mod tests {
         }
         assert!(alone > 15, "{alone}");
     }
+
+    /// Triples that share a view are in one group; the largest comes first, and views in none are left out.
+    #[test]
+    fn triples_connect_views() {
+        let relative = |views: [usize; 3]| Relative {
+            views,
+            branches: Vec::new(),
+            quality: 1.0,
+        };
+        let triples = [[7, 8, 9], [0, 1, 2], [5, 4, 3], [2, 5, 10]].map(relative);
+        let found = groups(12, &triples);
+        assert_eq!(found, [vec![0, 1, 2, 3, 4, 5, 10], vec![7, 8, 9]]);
+        assert!(groups(4, &[]).is_empty());
+    }
+
+    /// A triple that shares more than the second draw needs has been in the first.
+    #[test]
+    fn a_triple_comes_once() {
+        let scene = simulate(Layout::Enclosed, 3, 6, 0.0, 1, Arena::default()).unwrap();
+        let problem = Problem::dense(3, 6, &scene.bearings, 1.0).unwrap();
+        assert!(relative(&problem, [0, 1, 2], 6, 5).unwrap().is_some());
+        assert!(relative(&problem, [0, 1, 2], 5, 5).unwrap().is_none());
+        let options = SolveOptions::default();
+        let found = relatives(&problem, &options, &mut None).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].views, [0, 1, 2]);
+    }
+
+    /// A triple is kept as long as one of its views is in few of them.
+    #[test]
+    fn each_view_is_in_a_few_triples() {
+        let scene = simulate(Layout::Enclosed, 8, 12, 0.0, 1, Arena::default()).unwrap();
+        let problem = Problem::dense(8, 12, &scene.bearings, 1.0).unwrap();
+        let mut options = SolveOptions::default();
+        options.stages.relative_headings.kept = 2;
+        let found = relatives(&problem, &options, &mut None).unwrap();
+        let times = |view: usize| found.iter().filter(|one| one.views.contains(&view)).count();
+        assert!((0..8).all(|view| times(view) >= 2));
+        // Every one but the last brings a view that was in fewer than two.
+        assert!(found.len() <= 16, "{}", found.len());
+        assert!(found.is_sorted_by(|a, b| a.quality >= b.quality));
+    }
 }

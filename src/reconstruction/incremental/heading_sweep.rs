@@ -111,3 +111,52 @@ fn swept(
     let mut tried = tried;
     lowest.into_iter().filter_map(|k| tried[k].take()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A view that sees two landmarks of an exact map is placed by the others that it brings in, with a further view.
+    #[test]
+    fn a_view_of_two_landmarks_is_placed_by_what_it_adds() {
+        let scene = simulate(Layout::Enclosed, 6, 9, 0.0, 2, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        // The last three views see the last four landmarks, and of the others one, two and three.
+        for view in 0..3 {
+            bearings[9 * view + 5..9 * view + 9].fill(f64::NAN);
+        }
+        for view in 3..6 {
+            bearings[9 * view + view - 2..9 * view + 5].fill(f64::NAN);
+        }
+        let problem = Problem::dense(6, 9, &bearings, 1e-4).unwrap();
+        let mut map = scene.map();
+        map.poses[3..5].fill(None);
+        map.landmarks[5..].fill(None);
+        let options = SolveOptions::default();
+        let found = swept(&problem, &map, 4, &options);
+        // The lowest in their neighbourhoods, few of all headings that are tried.
+        assert!(!found.is_empty() && found.len() < 10, "{}", found.len());
+        let most = found.iter().map(|(explained, ..)| *explained).max();
+        // What both see places the landmarks.
+        assert_eq!(most, Some(problem.sightings().len()));
+        let of_truth = |(explained, sum, map): &(usize, f64, Map)| {
+            let pose = map.poses[4].unwrap();
+            let turned = pose.rotation.angle_to(&scene.poses[4].rotation).abs();
+            Some(*explained) == most && turned < 0.1 && sum.is_finite()
+        };
+        assert!(found.iter().any(of_truth));
+        // Three landmarks are not swept.
+        map.landmarks[6] = scene.map().landmarks[6];
+        assert!(swept(&problem, &map, 4, &options).is_empty());
+        map.landmarks[6] = None;
+        let report = refine_map(&problem, &mut map, &options.refine, None).unwrap();
+        let start = Reconstruction::new(&problem, &map, report);
+        let freedom = start.freedom;
+        let found = place_by_headings(&problem, start, &options, &mut None).unwrap();
+        assert!(found.map.is_complete());
+        assert_eq!(found.freedom, problem.sightings().len() + 4 - 18 - 18);
+        assert!(found.freedom > freedom && found.rms < 1e-6);
+    }
+}

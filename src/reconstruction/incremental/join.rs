@@ -135,3 +135,100 @@ fn similarity(
     };
     (!oriented || across.iter().all(is_ahead)).then_some(similarity)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Two views with what they see, and two others with theirs in a frame of their own, of an exact scene.
+    fn parts(landmarks: [&[usize]; 2]) -> (Problem, Map, [Map; 2]) {
+        let scene = simulate(Layout::Enclosed, 4, 9, 0.0, 2, Arena::default()).unwrap();
+        let problem = Problem::dense(4, 9, &scene.bearings, 0.01).unwrap();
+        let truth = scene.map();
+        let part = |views: [usize; 2], landmarks: &[usize]| {
+            let mut part = Map::empty(4, 9);
+            for view in views {
+                part.poses[view] = truth.poses[view];
+            }
+            for &landmark in landmarks {
+                part.landmarks[landmark] = truth.landmarks[landmark];
+            }
+            part
+        };
+        let by = Similarity2::new(Vector2::new(5.0, -7.0), 2.0, 0.3);
+        let first = part([0, 1], landmarks[0]);
+        let second = part([2, 3], landmarks[1]).transformed(&by);
+        (problem, truth, [first, second])
+    }
+
+    /// Shared landmarks, what each sees of the other's, or both together bring the second map to where it belongs.
+    #[test]
+    fn exact_maps_are_merged_exactly() {
+        let options = IncrementalOptions::default();
+        for (landmarks, count) in [
+            // Aligned by three, and by all in both directions.
+            ([&[0, 1, 2, 3][..], &[1, 2, 3, 4][..]], 3),
+            // One is shared and not enough.
+            ([&[0, 1, 2], &[2, 3, 4]], 2),
+            // None: what each sees of the other's alone.
+            ([&[0, 1, 2], &[3, 4, 5]], 2),
+            // Only the first has seen what the second has.
+            ([&[], &[3, 4, 5]], 1),
+            // Nothing new is seen across.
+            ([&[0, 1, 2], &[0, 1, 2]], 1),
+        ] {
+            let (problem, truth, [first, second]) = parts(landmarks);
+            let found: Vec<Map> = merged(&problem, &options, &first, &second).collect();
+            // Once with what is held well, and once with all.
+            assert_eq!(found.len(), 2 * count, "{landmarks:?}");
+            for map in found {
+                assert_eq!(map.poses[..2], first.poses[..2]);
+                for (pose, truth) in map.poses.iter().zip(&truth.poses) {
+                    let error = truth.unwrap().inv_mul(&pose.unwrap());
+                    let error = error.translation.vector.norm() + error.rotation.angle().abs();
+                    assert!(error < 1e-6, "{landmarks:?}: {error:e}");
+                }
+            }
+        }
+        // One landmark and nothing across.
+        let (problem, _, [mut first, mut second]) = parts([&[0], &[0]]);
+        assert_eq!(merged(&problem, &options, &first, &second).count(), 0);
+        first.landmarks.fill(None);
+        second.landmarks.fill(None);
+        assert_eq!(merged(&problem, &options, &first, &second).count(), 0);
+    }
+
+    /// A similarity that puts a landmark behind a ray is none, except modulo pi.
+    #[test]
+    fn what_is_seen_across_is_ahead() {
+        let points = [(1.0, 1.0), (3.0, 1.0), (2.0, 4.0), (4.0, 3.0)];
+        let across = |backward: bool| -> Vec<Across> {
+            let mut across: Vec<Across> = Vec::new();
+            for (k, &(x, y)) in points.iter().enumerate() {
+                let view = Point2::new(-1.0 - k as f64, 0.5);
+                let ray = (Point2::new(x, y) - view).normalize();
+                across.push(Across {
+                    landmark: Point2::new(0.5 * x + 1.0, 0.5 * y),
+                    view,
+                    ray: if backward && k == 2 { -ray } else { ray },
+                });
+            }
+            across
+        };
+        let found = similarity(&[], &across(false), true).unwrap();
+        assert!((found.scaling() - 2.0).abs() < 1e-9);
+        assert!(
+            (found.transform_point(&Point2::new(1.5, 0.5)) - Point2::new(1.0, 1.0)).norm() < 1e-9
+        );
+        assert!(similarity(&[], &across(true), true).is_none());
+        assert!(similarity(&[], &across(true), false).is_some());
+        // Three rays are too few; four of one landmark leave directions free.
+        assert!(similarity(&[], &across(false)[..3], false).is_none());
+        let mut same = across(false);
+        for one in &mut same {
+            one.landmark = Point2::new(1.0, 1.0);
+        }
+        assert!(similarity(&[], &same, false).is_none());
+    }
+}

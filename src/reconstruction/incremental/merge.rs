@@ -146,4 +146,77 @@ mod tests {
         let chosen = best(&problem, &options, Vec::from([other, whole.clone()]));
         assert_eq!(chosen.unwrap().cost, whole.cost);
     }
+
+    /// Two maps belong together when the joined map fits as well, and what ties them no worse than the noise allows.
+    #[test]
+    fn maps_belong_together_up_to_the_noise_of_their_ties() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let whole = Reconstruction::new(&problem, &map, report);
+        let with = |freedom: usize, cost: f64| {
+            let mut found = whole.clone();
+            (found.freedom, found.cost) = (freedom, cost);
+            found
+        };
+        let options = IncrementalOptions::default();
+        // Unit variance each; the ties add eight degrees of freedom.
+        let (first, second) = (with(60, 30.0), with(32, 16.0));
+        let most = 8.0 + 5.0 * 4.0 + 25.0;
+        for (excess, belong) in [(0.0, true), (0.99 * most, true), (1.01 * most, false)] {
+            let joined = with(100, 46.0 + 0.5 * excess);
+            assert_eq!(
+                belong_together(&problem, &options, [&first, &second], &joined),
+                belong
+            );
+        }
+        // Many ties may be worse than the maps, but not by more than twice the residuals.
+        let fits = IncrementalOptions {
+            joining_deviations: 1e3,
+            ..options
+        };
+        for (variance, belong) in [(3.99, true), (4.01, false)] {
+            let joined = with(100, 50.0 * variance);
+            assert_eq!(
+                belong_together(&problem, &fits, [&first, &second], &joined),
+                belong
+            );
+        }
+    }
+
+    /// Of three maps the two that share landmarks are merged, whichever comes first; the largest comes first then.
+    #[test]
+    fn maps_that_share_landmarks_are_merged_in_any_order() {
+        let sigma = 0.003;
+        let scene = simulate(Layout::Enclosed, 9, 16, sigma, 3, Arena::default()).unwrap();
+        let mut bearings = scene.bearings.clone();
+        // The first three views see the last six landmarks, the others the first ten.
+        for (view, seen) in bearings.chunks_exact_mut(16).enumerate() {
+            let unseen = if view < 3 { 0..10 } else { 10..16 };
+            seen[unseen].fill(f64::NAN);
+        }
+        let problem = Problem::dense(9, 16, &bearings, sigma).unwrap();
+        let options = SolveOptions::default();
+        let of_views = |views: core::ops::Range<usize>| {
+            let mut map = scene.map();
+            for view in (0..9).filter(|view| !views.contains(view)) {
+                map.poses[view] = None;
+            }
+            let report = refine_map(&problem, &mut map, &options.refine, None).unwrap();
+            Reconstruction::new(&problem, &map, report)
+        };
+        let parts = [of_views(0..3), of_views(3..6), of_views(6..9)];
+        for order in [[0, 1, 2], [1, 0, 2], [1, 2, 0], [2, 0, 1]] {
+            let found = order.map(|k: usize| parts[k].clone()).to_vec();
+            let found = merge(&problem, &options, found, &mut None).unwrap();
+            assert_eq!(
+                found.iter().map(views).collect::<Vec<_>>(),
+                [6, 3],
+                "{order:?}"
+            );
+            assert!(found[0].map.poses[3..].iter().all(Option::is_some));
+            assert_eq!(found[0].freedom, 60 + 4 - 18 - 20);
+        }
+    }
 }

@@ -99,3 +99,105 @@ fn ray(pose: &Pose<f64>, s: &IndexedSighting) -> Vector2<f64> {
     let ray = pose.rotation.into_inner() * s.bearing.into_inner();
     Vector2::new(ray.re, ray.im)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{bearing_to, pose};
+    use alloc::vec::Vec;
+
+    /// A heading and two landmarks fix a view that sees both ahead, or modulo pi on either side.
+    #[test]
+    fn a_view_of_known_heading_stands_behind_two_landmarks() {
+        let truth = pose(1.0, -2.0, 0.7);
+        let points = [Point2::new(4.0, 1.0), Point2::new(-1.0, 3.0)];
+        let bearings = points.map(|point| bearing_to(&truth, &point).unwrap().angle());
+        let problem = Problem::dense(1, 2, &bearings, 0.1).unwrap();
+        let seen = [0, 1].map(|k: usize| (points[k], &problem.sightings()[k]));
+        for oriented in [true, false] {
+            let found = backward(truth.rotation, &seen[0], &seen[1], oriented).unwrap();
+            assert!((found.translation.vector - truth.translation.vector).norm() < 1e-12);
+            assert_eq!(found.rotation, truth.rotation);
+            // The other way round it sees both behind.
+            let turned = truth.rotation * UnitComplex::new(core::f64::consts::PI);
+            let found = backward(turned, &seen[0], &seen[1], oriented);
+            assert_eq!(found.is_none(), oriented);
+        }
+        // One ahead and one behind.
+        let mixed = [bearings[0], bearings[1] + core::f64::consts::PI];
+        let mixed = Problem::dense(1, 2, &mixed, 0.1).unwrap();
+        let mixed = [0, 1].map(|k: usize| (points[k], &mixed.sightings()[k]));
+        for [a, b] in [[0, 1], [1, 0]] {
+            assert!(backward(truth.rotation, &mixed[a], &mixed[b], true).is_none());
+            assert!(backward(truth.rotation, &mixed[a], &mixed[b], false).is_some());
+        }
+        // Parallel rays meet nowhere.
+        let same = Problem::dense(1, 2, &[0.3, 0.3], 0.1).unwrap();
+        let same = [0, 1].map(|k: usize| (points[k], &same.sightings()[k]));
+        assert!(backward(truth.rotation, &same[0], &same[1], false).is_none());
+    }
+
+    /// Next to a view, the rays of the others decide on which side a landmark is; its own bearing says where it must be.
+    #[test]
+    fn a_landmark_behind_its_nearest_view_is_put_ahead_of_it() {
+        let truth = Point2::new(0.0, 0.02);
+        let places = [(0.0, 0.0), (5.0, 1.0), (-4.0, 2.0), (1.0, 6.0)];
+        let map = Map {
+            poses: places.map(|(x, y)| Some(pose(x, y, 0.0))).to_vec(),
+            landmarks: Vec::from([None]),
+        };
+        let mut bearings: [f64; 4] =
+            core::array::from_fn(|k| bearing_to(&map.poses[k].unwrap(), &truth).unwrap().angle());
+        let exact = Problem::dense(4, 1, &bearings, 0.01).unwrap();
+        let (found, fit) = place_landmark(&exact, &map, 0).unwrap();
+        assert!((found - truth).norm() < 1e-9 && fit.squares < 1e-12);
+        // The others see it a little below the first view, which sees it above.
+        for (k, bearing) in bearings.iter_mut().enumerate().skip(1) {
+            let below = Point2::new(0.0, -0.02);
+            *bearing = bearing_to(&map.poses[k].unwrap(), &below).unwrap().angle();
+        }
+        let problem = Problem::dense(4, 1, &bearings, 0.01).unwrap();
+        let (found, fit) = place_landmark(&problem, &map, 0).unwrap();
+        assert!(found.x.abs() < 1e-3 && found.y > 0.005, "{found}");
+        assert!(fit.squares < 20.0 && fit.count == 4);
+        // Modulo pi it may be on either side.
+        let (found, _) = place_landmark(&problem.unoriented(), &map, 0).unwrap();
+        assert!(found.y < 0.0, "{found}");
+        let mut one = map.clone();
+        one.poses[1..].fill(None);
+        assert!(place_landmark(&exact, &one, 0).is_none());
+    }
+
+    /// A view next to a landmark goes to the side of it from which it sees it where it does.
+    #[test]
+    fn a_view_is_put_on_the_side_from_which_it_sees_its_nearest_landmark() {
+        let points = [
+            (0.0, 0.02),
+            (5.0, 1.0),
+            (-4.0, 2.0),
+            (1.0, 6.0),
+            (2.0, -5.0),
+        ];
+        let map = Map {
+            poses: Vec::from([None]),
+            landmarks: points.map(|(x, y)| Some(Point2::new(x, y))).to_vec(),
+        };
+        let from = |at: &Pose<f64>| -> [f64; 5] {
+            core::array::from_fn(|k| bearing_to(at, &map.landmarks[k].unwrap()).unwrap().angle())
+        };
+        let truth = pose(0.0, 0.0, 0.4);
+        let exact = Problem::dense(1, 5, &from(&truth), 0.01).unwrap();
+        let (_, found, fit) = place_view(&exact, &map, 0).unwrap();
+        assert!((found.translation.vector - truth.translation.vector).norm() < 1e-9);
+        assert!(fit.squares < 1e-12 && fit.count == 5);
+        // The others see it from above the first landmark, which it sees above itself.
+        let mut bearings = from(&pose(0.0, 0.04, 0.4));
+        bearings[0] = from(&truth)[0];
+        let problem = Problem::dense(1, 5, &bearings, 0.01).unwrap();
+        let (_, found, fit) = place_view(&problem, &map, 0).unwrap();
+        assert!(
+            found.translation.y < 0.015 && fit.squares < 100.0,
+            "{found}"
+        );
+    }
+}

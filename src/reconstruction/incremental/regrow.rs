@@ -132,8 +132,11 @@ pub fn without_part(problem: &Problem, map: &Map, center: usize, views: usize) -
 mod tests {
     use super::*;
     use crate::adjustment::refine_map;
+    use crate::geometry::pose;
+    use crate::problem::Sighting;
     use crate::reconstruction::judge::is_incomplete;
     use crate::simulate::{Arena, Layout, simulate};
+    use nalgebra::Point2;
 
     /// Views that a map leaves out are reached by growing again what is next to them.
     #[test]
@@ -167,5 +170,76 @@ mod tests {
         let found = regrow(&problem, part, enough, &options, &mut None).unwrap();
         assert_eq!(found.undetermined, whole.undetermined);
         assert!(found.cost < whole.cost * (1.0 + 1e-5));
+    }
+
+    /// The views that see most of what the center sees go with it, and the landmarks that half of their views have lost;
+    /// three views stay.
+    #[test]
+    fn a_part_is_what_sees_the_same() {
+        // Each view sees four landmarks in a row.
+        let sightings: Vec<Sighting> = (0..8)
+            .flat_map(|view| (view..view + 4).map(move |landmark| (view, landmark)))
+            .map(|(view, landmark)| Sighting {
+                view,
+                landmark,
+                bearing: 0.1 * landmark as f64,
+                sigma: 0.1,
+            })
+            .collect();
+        let problem = Problem::new(8, 11, &sightings).unwrap();
+        let map = Map {
+            poses: (0..8).map(|k| Some(pose(k as f64, 0.0, 0.0))).collect(),
+            landmarks: (0..11).map(|k| Some(Point2::new(k as f64, 3.0))).collect(),
+        };
+        // What a missing view sees, its neighbours see, too.
+        let mut gap = map.clone();
+        gap.poses[1] = None;
+        assert_eq!(border(&problem, &gap), [0, 2, 3, 4]);
+        gap.poses[7] = None;
+        assert_eq!(border(&problem, &gap), [0, 2, 3, 4, 5, 6]);
+        assert!(border(&problem, &map).is_empty());
+        let missing = |center: usize, views: usize| {
+            let part = without_part(&problem, &map, center, views);
+            let views: Vec<usize> = (0..8).filter(|&k| part.poses[k].is_none()).collect();
+            let landmarks: Vec<usize> = (0..11).filter(|&k| part.landmarks[k].is_none()).collect();
+            (views, landmarks)
+        };
+        // The first landmark has one view, the second two, the third three.
+        assert_eq!(missing(0, 1), (vec![0], vec![0, 1]));
+        assert_eq!(missing(0, 2), (vec![0, 1], vec![0, 1, 2, 3]));
+        assert_eq!(missing(4, 1), (vec![4], vec![]));
+        assert_eq!(missing(4, 3), (vec![3, 4, 5], vec![4, 5, 6, 7]));
+        assert_eq!(missing(4, 100).0.len(), 5);
+        assert_eq!(missing(4, 0).0, [4]);
+        // Of four views one goes.
+        let mut few = map.clone();
+        few.poses[4..].fill(None);
+        assert_eq!(
+            without_part(&problem, &few, 1, 9)
+                .poses
+                .iter()
+                .flatten()
+                .count(),
+            3
+        );
+    }
+
+    /// A view is drawn as often as its share of the squares is, whatever its place.
+    #[test]
+    fn views_are_drawn_by_their_misfit() {
+        let map = Map {
+            poses: (0..3).map(|_| Some(pose(0.0, 0.0, 0.0))).collect(),
+            landmarks: vec![Some(Point2::new(1.0, 0.0))],
+        };
+        // Residuals of 1, 0 and 3.
+        let problem = Problem::dense(3, 1, &[0.1, 0.0, 0.3], 0.1).unwrap();
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut times = [0; 3];
+        for _ in 0..1000 {
+            times[drawn_by_misfit(&problem, &map, &mut random).unwrap()] += 1;
+        }
+        assert!(times[1] == 0 && (70..130).contains(&times[0]), "{times:?}");
+        let nothing = Problem::new(3, 1, &[]).unwrap();
+        assert_eq!(drawn_by_misfit(&nothing, &map, &mut random), None);
     }
 }

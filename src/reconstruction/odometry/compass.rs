@@ -44,3 +44,22 @@ fn far_view(map: &Map) -> Option<usize> {
         .max_by(|a, b| distance(&a.1).total_cmp(&distance(&b.1)))?;
     (distance(&far.1) > FAR * usual).then_some(far.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of five views within two of their middle, one beyond a thousand times that is too far.
+    #[test]
+    fn a_view_a_thousand_times_as_far_as_others_is_too_far() {
+        for (x, far) in [(1990.0, None), (2010.0, Some(3))] {
+            let places = [(0.0, 2.0), (0.0, -2.0), (2.0, 0.0), (x, 0.0), (-2.0, 0.0)];
+            let mut map = Map::empty(6, 0);
+            for (place, (x, y)) in map.poses.iter_mut().zip(places) {
+                *place = Some(crate::geometry::pose(x, y, 0.1));
+            }
+            assert_eq!(far_view(&map), far, "{x}");
+        }
+        assert_eq!(far_view(&Map::empty(2, 0)), None);
+    }
+}

@@ -79,3 +79,69 @@ pub fn laid_over([first, second]: [&Map; 2], shared: &[Shared]) -> Option<Map> {
     let moved = second.transformed(&align(&source, &target).ok()?);
     Some(first.united(&moved))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Odometry, PosePrior};
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Compasses and odometry leave two pieces of a drive a shift, which what they share tells.
+    #[test]
+    fn pieces_of_known_heading_and_scale_are_shifted() {
+        let scene = simulate(Layout::Enclosed, 4, 9, 0.0, 2, Arena::default()).unwrap();
+        let truth = scene.map();
+        let problem = Problem::dense(4, 9, &scene.bearings, 0.01).unwrap();
+        let free = f64::INFINITY;
+        let compass = |view: usize| PosePrior {
+            view,
+            pose: scene.poses[view],
+            noise: Noise::Sigmas([free, free, 0.1]),
+        };
+        let motion = |start: usize| Odometry {
+            start,
+            end: start + 1,
+            delta: scene.poses[start].inv_mul(&scene.poses[start + 1]),
+            noise: Noise::Sigmas([0.1; 3]),
+        };
+        let problem = problem.with_odometry(&[motion(0), motion(2)]).unwrap();
+        let part = |views: [usize; 2], by: Similarity2<f64>| {
+            let mut part = Map::empty(4, 9);
+            for view in views {
+                part.poses[view] = truth.poses[view];
+            }
+            part.landmarks.clone_from(&truth.landmarks);
+            part.transformed(&by)
+        };
+        let first = part(
+            [0, 1],
+            Similarity2::new(nalgebra::Vector2::new(3.0, 1.0), 0.5, 1.1),
+        );
+        let second = part(
+            [2, 3],
+            Similarity2::new(nalgebra::Vector2::new(-8.0, 2.0), -0.7, 0.9),
+        );
+        let pairs = second.landmarks.iter().zip(&first.landmarks);
+        let shared: Vec<Shared> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
+        // Without a compass on each they may turn.
+        let turning = problem.clone().with_pose_priors(&[compass(0)]).unwrap();
+        assert!(shifted_onto(&turning, [&first, &second], &shared).is_none());
+        let problem = problem.with_pose_priors(&[compass(0), compass(3)]).unwrap();
+        assert!(shifted_onto(&problem, [&first, &second], &[]).is_none());
+        let found = shifted_onto(&problem, [&first, &second], &shared).unwrap();
+        let shift = found.poses[0].unwrap().translation.vector - scene.poses[0].translation.vector;
+        for (pose, truth) in found.poses.iter().zip(&scene.poses) {
+            let pose = pose.unwrap();
+            assert!(pose.rotation.angle_to(&truth.rotation).abs() < 1e-6);
+            assert!((pose.translation.vector - truth.translation.vector - shift).norm() < 1e-6);
+        }
+        // In the frame of the priors only if these fix all of it, or what a map in it shares does.
+        assert!(in_frame_of_priors(&problem, &first).is_none());
+        let found = in_frame_of(&problem, &truth, &first).unwrap();
+        for (pose, truth) in found.poses.iter().zip(&truth.poses).take(2) {
+            let error = truth.unwrap().inv_mul(&pose.unwrap());
+            assert!(error.translation.vector.norm() + error.rotation.angle().abs() < 1e-6);
+        }
+        assert!(in_frame_of(&problem, &Map::empty(4, 9), &first).is_none());
+    }
+}

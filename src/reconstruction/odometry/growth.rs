@@ -390,3 +390,171 @@ fn closest(map: &Map, pieces: &[Piece]) -> Option<(usize, Vec<Shared>)> {
     let best = all.max_by_key(|(k, shared)| (shared.len(), core::cmp::Reverse(*k)));
     best.filter(|(_, shared)| !shared.is_empty())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::grow::triangulate_one;
+    use super::super::frames::laid_over;
+    use super::*;
+    use crate::problem::{Noise, Odometry, PosePrior};
+    use crate::simulate::{Arena, Layout, Scene, simulate};
+    use nalgebra::Point2;
+
+    /// Dead reckoning that asks for a refinement every four views, and places landmarks by triangulation.
+    struct Every4<'a> {
+        problem: &'a Problem,
+        finished: Vec<usize>,
+    }
+
+    impl Placement for Every4<'_> {
+        fn refine_options(&self) -> RefineOptions {
+            RefineOptions::default()
+        }
+
+        fn next_refinement(&self, count: usize) -> usize {
+            count + 4
+        }
+
+        fn place_view(&mut self, _: &Map, from: &Pose<f64>, motion: &OdometryLink) -> Pose<f64> {
+            from * motion.delta
+        }
+
+        fn place_landmarks(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool) {
+            for landmark in (0..map.landmarks.len()).filter(|&landmark| !stays(landmark)) {
+                triangulate_one(self.problem, map, landmark);
+            }
+        }
+
+        fn resects(&self) -> bool {
+            true
+        }
+
+        fn finish_piece(&mut self, map: &mut Map, _stays: &dyn Fn(usize) -> bool) {
+            self.finished.push(size(map));
+        }
+
+        fn join(&mut self, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
+            laid_over(maps, shared)
+        }
+
+        fn complete(&mut self, _: &mut Map) -> Result<(), Error> {
+            Ok(())
+        }
+    }
+
+    /// Grows all maps; returns them, the numbers of views at which a piece was refined, and those at which one was finished.
+    fn grown(problem: &Problem) -> (Vec<Map>, Vec<usize>, Vec<usize>) {
+        let mut placement = Every4 {
+            problem,
+            finished: Vec::new(),
+        };
+        let mut refined = Vec::new();
+        let mut progress = |stage: &'static str, done: usize, all: usize| {
+            assert!(stage == "odometry" && done <= all);
+            if refined.last() != Some(&done) {
+                refined.push(done);
+            }
+            true
+        };
+        let stages = StageOptions::default();
+        let maps = grow_from_priors(
+            problem,
+            &mut placement,
+            &[],
+            &stages,
+            &mut Some(&mut progress),
+        );
+        (maps.unwrap(), refined, placement.finished)
+    }
+
+    fn setting(views: usize) -> (Scene, Problem, Vec<Odometry>) {
+        let scene = simulate(Layout::Trajectory, views, 30, 1e-4, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(views, 30, &scene.bearings, 0.01).unwrap();
+        let odometry = (1..views).map(|end| Odometry {
+            start: end - 1,
+            end,
+            delta: scene.poses[end - 1].inv_mul(&scene.poses[end]),
+            noise: Noise::Sigmas([0.1, 0.1, 0.05]),
+        });
+        let odometry = odometry.collect();
+        (scene, problem, odometry)
+    }
+
+    fn assert_like_truth(scene: &Scene, map: &Map) {
+        assert!(map.poses.iter().all(Option::is_some));
+        let home = map.poses[0].unwrap() * scene.poses[0].inverse();
+        for (pose, truth) in map.poses.iter().zip(&scene.poses) {
+            let error = (home * truth).inv_mul(&pose.unwrap());
+            let error = error.translation.vector.norm() + error.rotation.angle().abs();
+            // As far as the little noise goes.
+            assert!(error < 1e-2, "{error:e}");
+        }
+    }
+
+    /// A piece is refined with six views, then whenever its placement asks for it, and at its end.
+    #[test]
+    fn a_piece_is_refined_as_it_grows() {
+        let (scene, problem, odometry) = setting(16);
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let (maps, refined, finished) = grown(&problem);
+        assert_eq!(maps.len(), 1);
+        assert_like_truth(&scene, &maps[0]);
+        assert_eq!(refined, [6, 10, 14, 16]);
+        assert_eq!(finished, [16]);
+    }
+
+    /// Views that no motion reaches are placed by the landmarks of the piece, and count as others do.
+    #[test]
+    fn views_apart_are_placed_by_landmarks() {
+        let (scene, problem, odometry) = setting(16);
+        let first = problem.with_odometry(&odometry[..7]).unwrap();
+        let (maps, refined, finished) = grown(&first);
+        assert_eq!(maps.len(), 1);
+        assert_like_truth(&scene, &maps[0]);
+        assert_eq!(refined, [6, 10, 14, 16]);
+        assert_eq!(finished, [16]);
+    }
+
+    /// With a known start the piece is in the frame of the priors, and so is what is joined to it.
+    #[test]
+    fn pieces_are_brought_into_the_frame_of_the_priors() {
+        let (scene, problem, odometry) = setting(16);
+        let start = PosePrior {
+            view: 0,
+            pose: scene.poses[0],
+            noise: Noise::Sigmas([0.1, 0.1, 0.1]),
+        };
+        let problem = problem.with_pose_priors(&[start]).unwrap();
+        let apart: Vec<Odometry> = odometry
+            .into_iter()
+            .filter(|motion| motion.end != 9)
+            .collect();
+        let problem = problem.with_odometry(&apart).unwrap();
+        let (maps, ..) = grown(&problem);
+        assert_eq!(maps.len(), 1);
+        for (pose, truth) in maps[0].poses.iter().zip(&scene.poses) {
+            let error = truth.inv_mul(&pose.unwrap());
+            assert!(error.translation.vector.norm() + error.rotation.angle().abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn the_closest_piece_shares_most_landmarks() {
+        let piece = |landmarks: &[usize]| {
+            let mut map = Map::empty(1, 6);
+            for &landmark in landmarks {
+                map.landmarks[landmark] = Some(Point2::new(landmark as f64, 1.0));
+            }
+            Piece { map, framed: false }
+        };
+        let main = piece(&[0, 1, 2, 3]).map;
+        let [one, two, none] = [&[1][..], &[2, 3, 5], &[4, 5]].map(piece);
+        let also = piece(&[0, 1]);
+        let (place, shared) = closest(&main, &[one, two, also, none]).unwrap();
+        // Of equals the first.
+        assert_eq!((place, shared.len()), (1, 2));
+        assert_eq!(shared[0].0, Point2::new(2.0, 1.0));
+        assert!(closest(&main, &[piece(&[4, 5])]).is_none());
+        assert!(closest(&main, &[]).is_none());
+    }
+}

@@ -98,33 +98,33 @@ fn best_of_grid(
             disagreement.push(each.sum::<f64>());
         }
     }
-    let at = |i: usize, j: usize| disagreement[(i % count) * count + j % count];
     let mut found = Vec::new();
-    for i in 0..count {
-        for j in 0..count {
-            let value = at(i, j);
-            let around = (0..9).filter(|&k| k != 4);
-            let lowest = around
-                .map(|k| at(i + count + k / 3 - 1, j + count + k % 3 - 1))
-                .all(|other| value <= other);
-            if lowest {
-                let points = crossings(&shared, pair, [&headings[i], &headings[j]]);
-                let mut map = Map::empty(problem.views(), problem.landmarks());
-                for ((view, position), heading) in pair.iter().zip([headings[i], headings[j]]) {
-                    map.poses[*view] =
-                        Some(Pose::from_parts(Translation2::from(*position), heading));
-                }
-                for other in &others {
-                    let heading = other.heading(&points, options.half_agreed).0;
-                    map.poses[other.view] = heading.map(|heading| {
-                        Pose::from_parts(Translation2::from(other.position), heading)
-                    });
-                }
-                found.push((value, map));
-            }
+    for [i, j] in lowest_around(&disagreement, count) {
+        let points = crossings(&shared, pair, [&headings[i], &headings[j]]);
+        let mut map = Map::empty(problem.views(), problem.landmarks());
+        for ((view, position), heading) in pair.iter().zip([headings[i], headings[j]]) {
+            map.poses[*view] = Some(Pose::from_parts(Translation2::from(*position), heading));
         }
+        for other in &others {
+            let heading = other.heading(&points, options.half_agreed).0;
+            map.poses[other.view] = heading
+                .map(|heading| Pose::from_parts(Translation2::from(other.position), heading));
+        }
+        found.push((disagreement[i * count + j], map));
     }
     found
+}
+
+/// The places of a square grid, which closes in both directions, that are no higher than the eight around them.
+fn lowest_around(values: &[f64], count: usize) -> Vec<[usize; 2]> {
+    let at = |i: usize, j: usize| values[(i % count) * count + j % count];
+    let places = (0..count * count).map(|k| [k / count, k % count]);
+    let is_lowest = |[i, j]: &[usize; 2]| {
+        (0..9)
+            .map(|k| at(i + count + k / 3 - 1, j + count + k % 3 - 1))
+            .all(|around| at(*i, *j) <= around)
+    };
+    places.filter(is_lowest).collect()
 }
 
 /// A view that neither of the pair is, and what it sees of the landmarks that these share.
@@ -208,4 +208,121 @@ fn crossings(
         ahead.then(|| Point2::from(from + u * first))
     };
     shared.iter().map(meet).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Noise, PosePrior};
+    use crate::simulate::{Arena, Layout, Scene, simulate};
+
+    /// Five views of known positions in an exact scene.
+    fn setting(landmarks: usize) -> (Scene, Problem) {
+        let scene = simulate(Layout::Enclosed, 5, landmarks, 0.0, 4, Arena::default()).unwrap();
+        let problem = Problem::dense(5, landmarks, &scene.bearings, 0.01).unwrap();
+        let known = scene
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(view, pose)| PosePrior {
+                view,
+                pose: *pose,
+                noise: Noise::Sigmas([0.1, 0.1, f64::INFINITY]),
+            });
+        let problem = problem
+            .with_pose_priors(&known.collect::<Vec<_>>())
+            .unwrap();
+        (scene, problem)
+    }
+
+    /// The best map has the headings of the truth, up to the grid.
+    #[test]
+    fn exact_positions_give_the_headings() {
+        let options = HeadingOptions::default();
+        let (scene, problem) = setting(9);
+        let found = maps_from_positions(&problem, &Known::of(&problem), &options);
+        assert!(!found.is_empty() && found.len() <= options.maps);
+        for (pose, truth) in found[0].poses.iter().zip(&scene.poses) {
+            let pose = pose.unwrap();
+            assert_eq!(pose.translation.vector, truth.translation.vector);
+            let error = pose.rotation.angle_to(&truth.rotation).abs();
+            assert!(error < 0.1, "{error}");
+        }
+        // A single landmark in common contradicts nothing.
+        let (_, one) = setting(1);
+        assert!(maps_from_positions(&one, &Known::of(&one), &options).is_empty());
+        let mut known = Known::of(&problem);
+        known.positions[2..].fill(None);
+        assert!(maps_from_positions(&problem, &known, &options).is_empty());
+        let mut known = Known::of(&problem);
+        known.headings.fill(Some(UnitComplex::identity()));
+        assert!(maps_from_positions(&problem, &known, &options).is_empty());
+    }
+
+    /// With the right headings the rays cross at the landmarks, and those of another view all agree on its heading.
+    #[test]
+    fn rays_of_the_right_headings_cross_at_the_landmarks() {
+        let (scene, problem) = setting(9);
+        let pair = [1, 3].map(|view: usize| (view, scene.poses[view].translation.vector));
+        let both = shared(&problem, [1, 3]);
+        assert_eq!(both.len(), 9);
+        assert!(
+            both.iter()
+                .all(|[a, b]| a.view == 1 && b.view == 3 && a.landmark == b.landmark)
+        );
+        let headings = [&scene.poses[1].rotation, &scene.poses[3].rotation];
+        let points = crossings(&both, pair, headings);
+        for (point, truth) in points.iter().zip(&scene.landmarks) {
+            assert!((point.unwrap() - truth).norm() < 1e-9);
+        }
+        // The other way round everything is behind.
+        let around = headings.map(|heading| heading * UnitComplex::new(core::f64::consts::PI));
+        let behind = crossings(&both, pair, [&around[0], &around[1]]);
+        assert!(behind.iter().all(Option::is_none));
+        let other = Other::new(&problem, &both, 4, scene.poses[4].translation.vector);
+        let (heading, off) = other.heading(&points, 0.1);
+        assert!(off < 1e-12);
+        assert!(heading.unwrap().angle_to(&scene.poses[4].rotation).abs() < 1e-9);
+        // What is wrong or missing counts one each, what is off by the half agreed one half.
+        let mut some = points.clone();
+        some[0] = None;
+        let away = scene.poses[4].rotation * problem.of_view(4)[1].bearing;
+        let away = Vector2::new(away.re, away.im);
+        some[1] = Some(Point2::from(scene.poses[4].translation.vector - away));
+        let toward =
+            scene.poses[4].rotation * problem.of_view(4)[2].bearing * UnitComplex::new(0.1);
+        let toward = Vector2::new(toward.re, toward.im);
+        some[2] = Some(Point2::from(
+            scene.poses[4].translation.vector + toward * 3.0,
+        ));
+        let (heading, off) = other.heading(&some, 0.1);
+        assert!((off - 2.5).abs() < 0.01, "{off}");
+        assert!(heading.unwrap().angle_to(&scene.poses[4].rotation).abs() < 1e-9);
+        assert_eq!(other.heading(&[None; 9], 0.1), (None, 9.0));
+    }
+
+    /// A place is found unless one of its neighbours, also across the edge, is lower.
+    #[test]
+    fn the_lowest_around_are_found_across_the_edges() {
+        for place in [[0, 0], [0, 3], [4, 2], [4, 4]] {
+            for di in 0..3 {
+                for dj in 0..3 {
+                    let near = [(place[0] + di + 4) % 5, (place[1] + dj + 4) % 5];
+                    let mut values = alloc::vec![1.0; 25];
+                    for row in 0..5 {
+                        for column in 0..5 {
+                            // No two are equal.
+                            values[5 * row + column] += 0.01 * (5 * row + column) as f64;
+                        }
+                    }
+                    values[5 * place[0] + place[1]] = 0.5;
+                    values[5 * near[0] + near[1]] = 0.4;
+                    let found = lowest_around(&values, 5);
+                    assert!(found.contains(&near), "{place:?} {near:?}");
+                    assert_eq!(found.contains(&place), place == near, "{place:?} {near:?}");
+                }
+            }
+        }
+        assert_eq!(lowest_around(&[1.0; 9], 3).len(), 9);
+    }
 }

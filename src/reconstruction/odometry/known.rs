@@ -220,3 +220,181 @@ fn on_circles(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{bearing_to, pose};
+    use crate::problem::{LandmarkPrior, Noise, Odometry, PosePrior, Sighting};
+
+    /// A view in its place among five landmarks that it sees exactly.
+    fn setting() -> (Pose<f64>, Map, Problem) {
+        let truth = pose(1.0, -2.0, 0.7);
+        let points = [
+            (4.0, 1.0),
+            (-1.0, 3.0),
+            (2.5, -3.0),
+            (0.0, -5.0),
+            (-3.0, -1.0),
+        ];
+        let mut map = Map::empty(2, 5);
+        map.landmarks = points.map(|(x, y)| Some(Point2::new(x, y))).to_vec();
+        let sightings = map
+            .landmarks
+            .iter()
+            .flatten()
+            .enumerate()
+            .map(|(landmark, point)| Sighting {
+                view: 0,
+                landmark,
+                bearing: bearing_to(&truth, point).unwrap().angle(),
+                sigma: 0.01,
+            });
+        let problem = Problem::new(2, 5, &sightings.collect::<Vec<_>>()).unwrap();
+        (truth, map, problem)
+    }
+
+    fn apart(a: &Pose<f64>, b: &Pose<f64>) -> f64 {
+        let error = a.inv_mul(b);
+        error.translation.vector.norm() + error.rotation.angle().abs()
+    }
+
+    #[test]
+    fn what_priors_tell_of_each_view_is_known() {
+        let free = f64::INFINITY;
+        let prior = |view: usize, sigmas| PosePrior {
+            view,
+            pose: pose(view as f64, 5.0, 0.3),
+            noise: Noise::Sigmas(sigmas),
+        };
+        let problem = Problem::dense(5, 2, &[0.1; 10], 0.1).unwrap();
+        let priors = [
+            prior(0, [0.1, 0.1, free]),
+            prior(1, [0.1, free, 0.1]),
+            prior(2, [free, 0.1, free]),
+            prior(3, [0.1; 3]),
+        ];
+        let problem = problem.with_pose_priors(&priors).unwrap();
+        let landmark = LandmarkPrior {
+            landmark: 1,
+            position: Point2::new(3.0, 4.0),
+            noise: Noise::Sigmas([0.1, 0.1]),
+        };
+        let known = Known::of(&problem.with_landmark_priors(&[landmark]).unwrap());
+        let place = |view: usize| Some(Vector2::new(view as f64, 5.0));
+        assert_eq!(known.positions, [place(0), None, None, place(3), None]);
+        let coordinates = [None, Some((0, 1.0)), Some((1, 5.0)), None, None];
+        assert_eq!(known.coordinates, coordinates);
+        assert_eq!(
+            known
+                .headings
+                .iter()
+                .map(Option::is_some)
+                .collect::<Vec<_>>(),
+            [false, true, false, true, false]
+        );
+        assert_eq!(
+            known.terms.iter().map(Vec::len).collect::<Vec<_>>(),
+            [1, 1, 1, 1, 0]
+        );
+        let map = known.map();
+        assert_eq!(map.landmarks, [None, Some(Point2::new(3.0, 4.0))]);
+        let posed: Vec<usize> = (0..5).filter(|&view| map.poses[view].is_some()).collect();
+        assert_eq!(posed, [3]);
+        assert!(apart(&map.poses[3].unwrap(), &pose(3.0, 5.0, 0.3)) < 1e-12);
+    }
+
+    /// Each of the smallest sets that fix a view contains the true pose among its solutions.
+    #[test]
+    fn the_smallest_sets_fix_a_view() {
+        let (truth, map, problem) = setting();
+        let seen: Vec<_> = map.seen(&problem, 0).collect();
+        let place = truth.translation.vector;
+        for (point, s) in &seen {
+            let found = turned_to(place, point, s).unwrap();
+            assert!(apart(&found, &truth) < 1e-12);
+            assert!(turned_to(point.coords, point, s).is_none());
+            for axis in 0..2 {
+                let found = on_line((axis, place[axis]), truth.rotation, point, s).unwrap();
+                assert!(apart(&found, &truth) < 1e-12);
+            }
+        }
+        let pairs = by_pairs(&problem, truth.rotation, &seen);
+        assert_eq!(pairs.len(), 10);
+        assert!(pairs.iter().all(|found| apart(found, &truth) < 1e-12));
+        for axis in 0..2 {
+            let found = on_circles((axis, place[axis]), &seen);
+            let same = found
+                .iter()
+                .filter(|found| apart(found, &truth) < 1e-9)
+                .count();
+            // One of the places on the two circles of each pair.
+            assert!(same >= 10, "{same}");
+            let others = found.iter().filter(|found| apart(found, &truth) >= 1e-9);
+            for other in others.clone() {
+                assert!((other.translation.vector[axis] - place[axis]).abs() < 1e-12);
+            }
+            // A circle far from the line does not meet it.
+            assert!(on_circles((axis, 1e3), &seen).is_empty());
+        }
+    }
+
+    /// From whatever fixes it, a view is located where it stands; a map in a frame of its own counts its landmarks alone.
+    #[test]
+    fn a_view_is_located_by_what_is_known_of_it() {
+        let (truth, map, problem) = setting();
+        let free = f64::INFINITY;
+        let end = truth * pose(0.5, 0.2, -0.4);
+        let with = |sigmas: [f64; 3], moves: bool| {
+            let prior = PosePrior {
+                view: 0,
+                pose: truth,
+                noise: Noise::Sigmas(sigmas),
+            };
+            let motion = Odometry {
+                start: 0,
+                end: 1,
+                delta: pose(0.5, 0.2, -0.4),
+                noise: Noise::Sigmas([0.1; 3]),
+            };
+            let problem = problem.clone().with_pose_priors(&[prior]).unwrap();
+            let motion = [motion];
+            problem
+                .with_odometry(&motion[..usize::from(moves)])
+                .unwrap()
+        };
+        // (what is known of the view, whether a motion is, landmarks that it needs)
+        for (sigmas, moves, needed) in [
+            ([0.1; 3], false, 0),
+            ([free, free, 0.1], true, 0),
+            ([0.1, 0.1, free], false, 1),
+            ([0.1, free, 0.1], false, 1),
+            ([free, 0.1, 0.1], false, 1),
+            ([free, free, 0.1], false, 2),
+            ([0.1, free, free], false, 2),
+            ([free, 0.1, free], false, 2),
+            ([free, free, free], false, 3),
+        ] {
+            let problem = with(sigmas, moves);
+            let (known, motions) = (Known::of(&problem), Motions::new(&problem));
+            let locate = |count: usize, framed: bool| {
+                let mut map = map.clone();
+                map.landmarks[count..].fill(None);
+                if moves {
+                    map.poses[1] = Some(end);
+                }
+                known.locate(&problem, &map, 0, &motions, framed)
+            };
+            // With two landmarks and a coordinate there are several places; five decide.
+            let enough = if needed == 2 { 5 } else { needed.max(1) };
+            let found = locate(enough, true).unwrap();
+            assert!(apart(&found, &truth) < 1e-6, "{sigmas:?}: {found}");
+            assert!(locate(needed, true).is_some(), "{sigmas:?}");
+            if needed > 0 {
+                assert_eq!(locate(needed - 1, true), None, "{sigmas:?}");
+            }
+            assert_eq!(locate(2, false), None);
+            assert!(apart(&locate(5, false).unwrap(), &truth) < 1e-6);
+        }
+    }
+}

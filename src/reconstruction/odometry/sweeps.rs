@@ -87,3 +87,49 @@ fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps:
     }
     result
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Noise, Odometry};
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Placed again from either end, the views of an exact map come to where they were; the end keeps its pose.
+    #[test]
+    fn sweeps_place_all_views_from_one_end() {
+        let scene = simulate(Layout::Trajectory, 8, 20, 0.0, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(8, 20, &scene.bearings, 0.01).unwrap();
+        // Two drives.
+        let odometry = [1, 2, 3, 5, 6, 7].map(|end: usize| Odometry {
+            start: end - 1,
+            end,
+            delta: scene.poses[end - 1].inv_mul(&scene.poses[end]),
+            noise: Noise::Sigmas([0.1, 0.1, 0.05]),
+        });
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let motions = Motions::new(&problem);
+        for (backward, roots) in [(false, [0, 4]), (true, [7, 3])] {
+            let mut map = scene.map();
+            for (view, pose) in map.poses.iter_mut().flatten().enumerate() {
+                if !roots.contains(&view) {
+                    pose.translation.vector.x += 1.0;
+                }
+            }
+            let found = swept(&problem, &motions, &map, backward, 10);
+            assert_eq!(found.landmarks, map.landmarks);
+            for (pose, truth) in found.poses.iter().zip(&scene.poses) {
+                let error = truth.inv_mul(&pose.unwrap());
+                assert!(error.translation.vector.norm() < 1e-6, "{backward}");
+            }
+            for root in roots {
+                assert_eq!(found.poses[root], map.poses[root]);
+            }
+            map.poses[0] = None;
+            map.poses[7] = None;
+            let found = swept(&problem, &motions, &map, backward, 10);
+            // The next in line takes the place of a root that is missing.
+            let missing = found.poses.iter().filter(|pose| pose.is_none()).count();
+            assert_eq!(missing, 0, "{backward}");
+        }
+    }
+}

@@ -390,4 +390,70 @@ mod tests {
             assert!(told > 400 && left > 60, "{told} {left}");
         }
     }
+
+    /// A map of one view and four landmarks ahead, off their bearings by these standard deviations.
+    fn off(deviations: [f64; 4]) -> (Problem, Map) {
+        let map = Map {
+            poses: Vec::from([Some(pose(0.0, 0.0, 0.0))]),
+            landmarks: [0.1, 0.4, 0.9, 1.5]
+                .map(|angle: f64| Some(Point2::new(3.0 * angle.cos(), 3.0 * angle.sin())))
+                .to_vec(),
+        };
+        let bearings: [f64; 4] =
+            core::array::from_fn(|k| [0.1, 0.4, 0.9, 1.5][k] + 0.01 * deviations[k]);
+        (Problem::dense(1, 4, &bearings, 0.01).unwrap(), map)
+    }
+
+    /// Outliers, and what the map does not have, cost as much as the bound.
+    #[test]
+    fn the_cost_is_truncated() {
+        let (problem, mut map) = off([1.0, -2.9, 3.1, -40.0]);
+        let most = 0.5 * OUTLIER * OUTLIER;
+        let expected = 0.5 * (1.0 + 2.9 * 2.9) + 2.0 * most;
+        assert!((cost(&problem, &map, OUTLIER) / expected - 1.0).abs() < 1e-9);
+        assert_eq!(inliers(&problem, &map, OUTLIER), [true, true, false, false]);
+        assert_eq!(inliers(&problem, &map, 3.2), [true, true, true, false]);
+        let known = crate::problem::LandmarkPrior {
+            landmark: 3,
+            position: map.landmarks[3].unwrap() + nalgebra::Vector2::new(0.0, 0.2),
+            noise: crate::problem::Noise::Sigmas([0.1, 0.1]),
+        };
+        let tied = problem.clone().with_landmark_priors(&[known]).unwrap();
+        assert!((cost(&tied, &map, OUTLIER) / (expected + 2.0) - 1.0).abs() < 1e-9);
+        map.landmarks[0] = None;
+        let expected = 0.5 * 2.9 * 2.9 + 3.0 * most;
+        assert!((cost(&problem, &map, OUTLIER) / expected - 1.0).abs() < 1e-9);
+        assert_eq!(
+            inliers(&problem, &map, OUTLIER),
+            [false, true, false, false]
+        );
+    }
+
+    #[test]
+    fn fixed_points_agree_by_their_shared_inliers() {
+        let report = Report {
+            cost: 1.0,
+            termination: Termination::Converged,
+            iterations: 1,
+            undetermined: Vec::new(),
+            loss: Loss::Squared,
+        };
+        let with = |outliers: core::ops::Range<usize>, cost: f64| Consensus {
+            map: off([0.0; 4]).1,
+            inliers: (0..20).map(|k| !outliers.contains(&k)).collect(),
+            cost,
+            report: report.clone(),
+        };
+        // Eighteen of twenty are inliers of both.
+        let (a, b) = (with(0..1, 1.0), with(1..2, 1.0 - 1e-8));
+        assert!(a.agrees(&b, 90) && !a.agrees(&b, 91));
+        assert!(b.is_below(&a) && !a.is_below(&b));
+        assert!(!with(0..1, 1.0 - 1e-10).is_below(&a));
+        let (problem, judge) = (off([0.0; 4]).0, JudgeOptions::default());
+        assert!(a.is_same(&with(0..1, 2.0), &problem, &judge));
+        assert!(!a.is_same(&b, &problem, &judge));
+        let mut moved = a.clone();
+        moved.map.poses.fill(None);
+        assert!(!a.is_same(&moved, &problem, &judge));
+    }
 }

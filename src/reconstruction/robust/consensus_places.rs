@@ -121,3 +121,80 @@ fn agree(squares: impl Iterator<Item = f64>, bound: f64, least: usize) -> bool {
     }
     agreeing >= least && 2 * agreeing >= all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At least so many sightings agree, and at least half of all.
+    #[test]
+    fn what_fits_agrees_with_half_of_its_sightings() {
+        for (squares, least, agrees) in [
+            (&[1.0, 4.0, 4.1][..], 2, true),
+            (&[1.0, 4.0, 4.1], 3, false),
+            (&[1.0, 4.0, 4.1, 9.0], 2, true),
+            (&[1.0, 4.0, 4.1, 9.0, 9.0], 2, false),
+            (&[], 0, true),
+        ] {
+            assert_eq!(
+                agree(squares.iter().copied(), 2.0, least),
+                agrees,
+                "{squares:?}"
+            );
+        }
+    }
+
+    /// The mean square is truncated, of what the map has.
+    #[test]
+    fn the_variance_counts_an_outlier_no_more_than_the_bound() {
+        let map = Map {
+            poses: alloc::vec![Some(crate::geometry::pose(0.0, 0.0, 0.0))],
+            landmarks: alloc::vec![
+                Some(Point2::new(1.0, 0.0)),
+                Some(Point2::new(2.0, 0.0)),
+                None
+            ],
+        };
+        let problem = Problem::dense(1, 3, &[0.02, 1.0, 0.0], 0.01).unwrap();
+        let options = SolveOptions::default();
+        let places = ConsensusPlaces::new(&problem, &options, 0);
+        let bound = options.stages.robust.growing_bound;
+        let expected = (4.0 + bound * bound) / 2.0;
+        assert!((places.variance(&map) / expected - 1.0).abs() < 1e-9);
+        assert_eq!(places.variance(&Map::empty(1, 3)), 0.0);
+    }
+
+    /// A view is placed by the bearings that agree, if they are one more than it needs and half of all.
+    #[test]
+    fn a_view_is_placed_by_most_of_its_bearings() {
+        let arena = crate::simulate::Arena::default();
+        let layout = crate::simulate::Layout::Enclosed;
+        let scene = crate::simulate::simulate(layout, 2, 9, 0.0, 2, arena).unwrap();
+        let options = SolveOptions::default();
+        let placed = |outliers: usize, seen: usize| {
+            let mut bearings = scene.bearings.clone();
+            for (k, bearing) in bearings[..outliers].iter_mut().enumerate() {
+                *bearing += 0.4 + 0.5 * k as f64;
+            }
+            bearings[seen..9].fill(f64::NAN);
+            let problem = Problem::dense(2, 9, &bearings, 0.001).unwrap();
+            let mut map = scene.map();
+            map.poses[0] = None;
+            let found = ConsensusPlaces::new(&problem, &options, 1).place_view(&map, 0, 0);
+            found.map(|(pose, _)| {
+                let error = scene.poses[0].inv_mul(&pose).translation.vector.norm();
+                assert!(error < 1e-6, "{outliers} {seen}: {error}");
+            })
+        };
+        for (outliers, seen, found) in [
+            (0, 9, true),
+            (4, 9, true),
+            (5, 9, false),
+            (0, 4, true),
+            (1, 4, false),
+            (0, 3, false),
+        ] {
+            assert_eq!(placed(outliers, seen).is_some(), found, "{outliers} {seen}");
+        }
+    }
+}

@@ -230,4 +230,37 @@ mod tests {
             }
         }
     }
+
+    /// What turns a step in the frame of the pose into one of the residual is its derivative, of a prior and of a motion.
+    #[test]
+    fn terms_are_linearized_at_a_pose() {
+        let root = [[20.0, 3.0, 0.5], [0.0, 10.0, 1.0], [0.0, 0.0, 50.0]];
+        let link = OdometryLink {
+            end: 0,
+            delta: pose(0.7, -0.2, 0.4),
+            root: Matrix3::from_fn(|i, j| root[i][j]),
+            forward: true,
+        };
+        let at = pose(1.0, 2.0, 0.9);
+        for term in [
+            PoseTerm::prior(&pose(0.8, 2.3, 0.6), &root),
+            PoseTerm::motion(&pose(0.2, 2.1, 0.3), &link),
+        ] {
+            let (residual, jacobian) = term.linearize(&at);
+            assert!((term.square(&at) / residual.norm_squared() - 1.0).abs() < 1e-12);
+            let length = 1e-6;
+            for k in 0..3 {
+                let sides = [-length, length].map(|length| {
+                    let mut step = [0.0; 3];
+                    step[k] = length;
+                    term.linearize(&(at * pose(step[0], step[1], step[2]))).0
+                });
+                let difference = (sides[1] - sides[0]) / (2.0 * length);
+                assert!(
+                    (difference - jacobian.column(k)).norm() < 1e-6,
+                    "{k}: {difference}"
+                );
+            }
+        }
+    }
 }

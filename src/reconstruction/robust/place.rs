@@ -265,3 +265,103 @@ where
         self.places
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    fn drawn<const N: usize>(count: usize, most: usize) -> Vec<[usize; N]> {
+        let mut found = Vec::new();
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        sets(count, most, &mut random, |set: [usize; N]| found.push(set));
+        found
+    }
+
+    /// All sets where there are few, otherwise random ones, none with an index twice.
+    #[test]
+    fn sets_are_listed_or_drawn() {
+        assert_eq!(drawn::<2>(3, 3), [[0, 1], [0, 2], [1, 2]]);
+        assert_eq!(drawn::<2>(1, 5), [[0; 2]; 0]);
+        assert_eq!(drawn::<2>(2, 5), [[0, 1]]);
+        let all = drawn::<3>(6, 20);
+        assert_eq!(all.len(), 20);
+        assert!(all.is_sorted() && all.iter().all(|set| set.is_sorted_by(|a, b| a < b)));
+        let some = drawn::<3>(7, 34);
+        assert_eq!(some.len(), 34);
+        let mut times = [0; 7];
+        for mut set in some.into_iter().chain(drawn::<3>(7, 30)) {
+            set.sort_unstable();
+            assert!(set.is_sorted_by(|a, b| a < b) && set[2] < 7);
+            set.into_iter().for_each(|k| times[k] += 1);
+        }
+        assert!(times.iter().all(|&times| times > 15), "{times:?}");
+    }
+
+    #[test]
+    fn two_rays_cross_where_they_meet() {
+        let truth = Point2::new(1.0, 3.0);
+        let poses = [
+            crate::geometry::pose(0.0, 0.0, 0.3),
+            crate::geometry::pose(2.0, 0.5, 1.0),
+        ];
+        let bearings =
+            poses.map(|pose| crate::geometry::bearing_to(&pose, &truth).unwrap().angle());
+        let problem = Problem::dense(2, 1, &bearings, 0.01).unwrap();
+        let rays = [0, 1].map(|k: usize| (poses[k], &problem.sightings()[k]));
+        let found = crossing([&rays[0], &rays[1]]).unwrap();
+        assert!((found - truth).norm() < 1e-12, "{found}");
+        assert!(crossing([&rays[0], &rays[0]]).is_none());
+    }
+
+    /// On a line, places are offered to marks at whole numbers.
+    fn best_of(offers: &[(f64, bool)], count: usize) -> Vec<(f64, bool)> {
+        let marks = [0.0, 1.0, 5.0, 6.0];
+        let squares = |at: &f64| {
+            let at = *at;
+            marks
+                .into_iter()
+                .map(move |mark: f64| (at - mark) * (at - mark))
+        };
+        let options = RobustOptions::default();
+        let mut best = Best::new(1.5, count, &options, &squares);
+        for &(place, present) in offers {
+            best.offer(place, present);
+        }
+        assert!(best.places.is_sorted_by(|a, b| a.cost <= b.cost));
+        best.places
+            .iter()
+            .map(|placed| (placed.place, placed.present))
+            .collect()
+    }
+
+    /// The best places with different inliers are kept; of those with the same the best, or the present one.
+    #[test]
+    fn the_best_places_have_different_inliers() {
+        let [left, right] = [(0.4, false), (5.5, false)];
+        assert_eq!(best_of(&[left, right, (3.0, false)], 2), [right, left]);
+        assert_eq!(best_of(&[left, right], 1), [right]);
+        assert_eq!(best_of(&[right, left], 1), [right]);
+        assert_eq!(best_of(&[left, (0.5, false)], 3), [(0.5, false)]);
+        assert_eq!(best_of(&[(0.5, false), left], 3), [(0.5, false)]);
+        assert_eq!(best_of(&[(0.4, true), (0.5, false)], 3), [(0.4, true)]);
+        assert_eq!(best_of(&[left], 0), []);
+    }
+
+    /// Four of eight sightings may leave a better place with a sample in common, seven of eight do not.
+    #[test]
+    fn a_place_is_beyond_doubt_when_no_other_could_agree_with_as_many() {
+        let options = RobustOptions::default();
+        assert_eq!(options.shared_by_chance, 2);
+        let squares = |at: &usize| {
+            let agreeing = *at;
+            (0..8).map(move |k| if k < agreeing { 0.0 } else { 100.0 })
+        };
+        for (agreeing, count, sure) in [(7, 1, true), (6, 1, false), (7, 2, false)] {
+            let mut best = Best::new(3.0, count, &options, &squares);
+            assert!(!best.is_beyond_doubt(8, 3));
+            best.offer(agreeing, true);
+            assert_eq!(best.is_beyond_doubt(8, 3), sure, "{agreeing} {count}");
+        }
+    }
+}

@@ -209,3 +209,113 @@ fn others<P>(
         .map(move |placed| (cost(&placed) - now, placed.place))
         .filter(move |(change, _)| *change < worse)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+    use rand::SeedableRng;
+
+    fn placed(cost: f64, agreeing: [bool; 4], present: bool) -> Placed<f64> {
+        Placed {
+            place: cost,
+            cost,
+            agreeing: agreeing.to_vec(),
+            present,
+        }
+    }
+
+    /// Other places are tried when they are at most so much worse than the present one and change sightings enough.
+    #[test]
+    fn places_that_change_enough_and_cost_little_more_are_tried() {
+        let tried = |places: Vec<Placed<f64>>, least: usize| -> Vec<(f64, f64)> {
+            others(places, 2.0, least, 1.5).collect()
+        };
+        let all = [true, true, false, false];
+        let places = || {
+            Vec::from([
+                placed(6.0, [false, false, true, true], false),
+                placed(8.0, all, true),
+                placed(13.0, [true, false, false, false], false),
+                placed(14.5, [false, true, true, false], false),
+            ])
+        };
+        // Relative to the present one, in units of the squared bound.
+        assert_eq!(tried(places(), 1), [(-0.5, 6.0), (1.25, 13.0)]);
+        assert_eq!(tried(places(), 2), [(-0.5, 6.0)]);
+        assert_eq!(tried(places(), 5), []);
+        // A present place that is not among them is worse than the last.
+        let absent = || {
+            places()
+                .into_iter()
+                .filter(|placed| !placed.present)
+                .collect()
+        };
+        assert_eq!(
+            tried(absent(), 5),
+            [(-2.125, 6.0), (-0.375, 13.0), (0.0, 14.5)]
+        );
+    }
+
+    /// A view goes to where most of its bearings agree, but along odometry only if its motions allow that.
+    #[test]
+    fn each_is_placed_by_its_bearings_and_its_motions() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.0, 2, Arena::default()).unwrap();
+        let alone = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let options = RobustOptions::default();
+        let mut start = scene.map();
+        let wrong = scene.poses[2] * crate::geometry::pose(0.5, 0.3, 0.2);
+        start.poses[2] = Some(wrong);
+        let placed = |problem: &Problem| {
+            let mut map = start.clone();
+            place_each(
+                problem,
+                &mut map,
+                &options,
+                &mut ChaCha8Rng::seed_from_u64(1),
+            );
+            let error = scene.poses[2].inv_mul(&map.poses[2].unwrap());
+            error.translation.vector.norm() < 1e-6
+        };
+        let motion = |pose: &Pose<f64>, sigma: f64| crate::problem::Odometry {
+            start: 1,
+            end: 2,
+            delta: scene.poses[1].inv_mul(pose),
+            noise: crate::problem::Noise::Sigmas([sigma; 3]),
+        };
+        let tied = |motion| alone.clone().with_odometry(&[motion]).unwrap();
+        assert!(placed(&alone));
+        assert!(placed(&tied(motion(&scene.poses[2], 0.01))));
+        // Nine outliers cost less than a motion that is so certain.
+        assert!(placed(&tied(motion(&wrong, 1.0))) && !placed(&tied(motion(&wrong, 0.01))));
+    }
+
+    /// A landmark in a wrong place is moved to the right one.
+    #[test]
+    fn a_landmark_is_reassigned_to_where_most_bearings_agree() {
+        let scene = simulate(Layout::Enclosed, 6, 9, 0.002, 2, Arena::default()).unwrap();
+        let problem = Problem::dense(6, 9, &scene.bearings, 0.01).unwrap();
+        let options = SolveOptions::default();
+        let truth = to_consensus(&problem, scene.map(), &options)
+            .unwrap()
+            .unwrap();
+        let mut wrong = scene.map();
+        wrong.landmarks[3].as_mut().unwrap().x += 1.0;
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let tried = moves(&problem, &wrong, &options.stages.robust, &mut random);
+        let back = tried.iter().any(|(_, place)| match place {
+            Move::Landmark(3, point) => (point - scene.landmarks[3]).norm() < 0.2,
+            _ => false,
+        });
+        assert!(back);
+        let stuck = Consensus {
+            inliers: inliers(&problem, &wrong, OUTLIER),
+            cost: cost(&problem, &wrong, OUTLIER),
+            map: wrong,
+            report: truth.report.clone(),
+        };
+        assert!(stuck.cost > truth.cost * 2.0);
+        let found = reassign(&problem, stuck, &options, &mut random, &mut None).unwrap();
+        assert!((found.cost / truth.cost - 1.0).abs() < 1e-6);
+    }
+}

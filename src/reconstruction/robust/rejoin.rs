@@ -137,3 +137,120 @@ fn sampled(ties: &[Tie], random: &mut ChaCha8Rng) -> Option<Similarity2<f64>> {
     let (similarity, rank) = equations.solve()?;
     (rank == UNKNOWNS).then_some(similarity)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+    use rand::SeedableRng;
+
+    /// Two parts of an exact drive: what the first views of it see in the map, and the other views in a frame of their own.
+    fn parts() -> (Problem, Map, [Map; 2]) {
+        let arena = Arena {
+            sight: 3.0,
+            ..Arena::default()
+        };
+        let scene = simulate(Layout::Trajectory, 24, 40, 0.0, 3, arena).unwrap();
+        let problem = Problem::dense(24, 40, &scene.bearings, 0.01).unwrap();
+        let truth = scene.map();
+        let part = |views: core::ops::Range<usize>| {
+            let mut part = Map::empty(24, 40);
+            part.poses[views.clone()].clone_from_slice(&truth.poses[views]);
+            for landmark in 0..40 {
+                if part.rays(&problem, landmark).count() >= 2 {
+                    part.landmarks[landmark] = truth.landmarks[landmark];
+                }
+            }
+            part
+        };
+        let by = Similarity2::new(Vector2::new(5.0, -7.0), 2.0, 0.3);
+        let both = [part(0..12), part(12..24).transformed(&by)];
+        (problem, truth, both)
+    }
+
+    #[test]
+    fn ties_are_shared_landmarks_and_rays_across() {
+        let (problem, truth, [first, second]) = parts();
+        let found = ties(&problem, [&first, &second]);
+        let shared = |landmark: &usize| {
+            first.landmarks[*landmark].is_some() && second.landmarks[*landmark].is_some()
+        };
+        let shared = (0..40).filter(shared).count();
+        let across = problem.sightings().iter();
+        let across = across
+            .filter(|s| s.view < 12 && second.landmarks[s.landmark].is_some())
+            .count();
+        assert!(shared > 2 && across > shared);
+        assert_eq!(found.len(), shared + across);
+        // In the map of the first, landmarks are where their ties say.
+        for tie in found {
+            match tie {
+                Tie::Point(from, to) => {
+                    let k = second
+                        .landmarks
+                        .iter()
+                        .position(|p| *p == Some(from))
+                        .unwrap();
+                    assert_eq!(truth.landmarks[k], Some(to));
+                }
+                Tie::Ray {
+                    landmark,
+                    view,
+                    normal,
+                } => {
+                    let k = second
+                        .landmarks
+                        .iter()
+                        .position(|p| *p == Some(landmark))
+                        .unwrap();
+                    let off = truth.landmarks[k].unwrap() - view;
+                    assert!(off.dot(&normal).abs() < 1e-9 && (normal.norm() - 1.0).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    /// Any ties that fix a similarity give the true one, and the second part joins the first where it belongs.
+    #[test]
+    fn exact_parts_are_joined_exactly() {
+        let (problem, truth, [first, second]) = parts();
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let both = ties(&problem, [&first, &second]);
+        let mut found = 0;
+        for _ in 0..50 {
+            let Some(similarity) = sampled(&both, &mut random) else {
+                continue;
+            };
+            found += 1;
+            for (moved, truth) in second
+                .transformed(&similarity)
+                .landmarks
+                .iter()
+                .zip(&truth.landmarks)
+            {
+                if let (Some(moved), Some(truth)) = (moved, truth) {
+                    assert!((moved - truth).norm() < 1e-6);
+                }
+            }
+        }
+        assert!(found > 40, "{found}");
+        let stages = StageOptions::default();
+        let (cost, map) = joined(&problem, [&first, &second], &stages, &mut random).unwrap();
+        for (pose, truth) in map.poses.iter().zip(&truth.poses) {
+            let error = truth.unwrap().inv_mul(&pose.unwrap());
+            assert!(error.translation.vector.norm() + error.rotation.angle().abs() < 1e-6);
+        }
+        // What neither has placed costs as an outlier, up to the bound of growing maps.
+        let bound = stages.robust.growing_bound;
+        let unplaced = problem
+            .sightings()
+            .iter()
+            .filter(|s| map.landmarks[s.landmark].is_none());
+        let expected = 0.5 * bound * bound * unplaced.count() as f64;
+        assert!((cost - expected).abs() < 1e-3, "{cost} {expected}");
+        // Nothing ties what shares nothing.
+        let nothing = Map::empty(24, 40);
+        assert!(joined(&problem, [&first, &nothing], &stages, &mut random).is_none());
+        assert!(sampled(&both[..1], &mut random).is_none());
+    }
+}

@@ -371,3 +371,95 @@ pub fn reconstruction(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn consensus(inliers: &[bool], cost: f64) -> Consensus {
+        Consensus {
+            map: Map::empty(1, 1),
+            inliers: inliers.to_vec(),
+            cost,
+            report: crate::adjustment::Report {
+                cost,
+                termination: crate::lm::Termination::Converged,
+                iterations: 0,
+                undetermined: Vec::new(),
+                loss: crate::lm::Loss::Squared,
+            },
+        }
+    }
+
+    /// Half of the bearings right, one of 2 to the 15th samples of five landmarks in three views is free of outliers.
+    #[test]
+    fn good_samples_have_no_outlier() {
+        let half = consensus(&[true, false, true, false], 1.0);
+        assert_eq!(good_samples(&half), 0.5_f64.powi(15));
+        assert_eq!(good_samples(&consensus(&[true; 3], 1.0)), 1.0);
+    }
+
+    /// A fixed point is confirmed by another triple of views with the same inliers, if none is lower with others.
+    #[test]
+    fn another_triple_confirms_the_lowest_fixed_point() {
+        let options = RobustOptions::default();
+        let (a, b) = ([true, true, false], [true, false, true]);
+        let (one, two) = ([0, 1, 2], [0, 1, 3]);
+        let now = consensus(&a, 1.0);
+        for (found, confirmed) in [
+            (vec![], false),
+            (vec![(consensus(&a, 1.0), one)], false),
+            (vec![(consensus(&a, 1.0), two)], true),
+            (vec![(consensus(&b, 1.1), two)], false),
+            (
+                vec![(consensus(&a, 1.0), two), (consensus(&b, 1.1), one)],
+                true,
+            ),
+            (
+                vec![(consensus(&a, 1.0), two), (consensus(&b, 0.9), one)],
+                false,
+            ),
+            (vec![(consensus(&a, 0.9), two)], true),
+        ] {
+            assert_eq!(confirms(&found, &now, one, &options), confirmed);
+        }
+        let costs = [3.0, 1.0, 2.0].map(|cost| consensus(&a, cost));
+        assert_eq!(best_of(costs.into_iter()).unwrap().cost, 1.0);
+        assert_eq!(
+            best_of(core::iter::empty::<Consensus>()).err(),
+            Some(NOTHING)
+        );
+    }
+
+    /// The first bearing in the order of the input that is too coarse is named.
+    #[test]
+    fn coarse_sigmas_are_refused() {
+        let sighting = |view, sigma| crate::problem::Sighting {
+            view,
+            landmark: 0,
+            bearing: 0.1,
+            sigma,
+        };
+        let check = |sigmas: [f64; 3]| {
+            let sightings = [
+                sighting(2, sigmas[0]),
+                sighting(1, sigmas[1]),
+                sighting(0, sigmas[2]),
+            ];
+            check_sigmas(&Problem::new(3, 1, &sightings).unwrap())
+        };
+        assert_eq!(check([0.1, 0.34, 0.2]), Ok(()));
+        for (sigmas, index) in [([0.1, 0.36, 0.5], 1), ([0.4, 0.1, 0.5], 0)] {
+            let Err(Error::SigmaTooLarge {
+                index: found,
+                value,
+                ..
+            }) = check(sigmas)
+            else {
+                panic!("{sigmas:?}");
+            };
+            assert_eq!(found, index);
+            assert!((value / sigmas[index] - 1.0).abs() < 1e-12);
+        }
+    }
+}

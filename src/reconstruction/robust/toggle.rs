@@ -135,3 +135,45 @@ fn descend_landmark(
     }
     point
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// On a line, places cost their squared distances from marks, three of which at most count.
+    #[test]
+    fn a_sighting_is_changed_where_that_lowers_the_cost() {
+        let mean = |kept: &[f64]| kept.iter().sum::<f64>() / kept.len().max(1) as f64;
+        let square = |at: &f64, mark: &f64| (at - mark) * (at - mark);
+        // Drawn towards an outlier that is just within the bound, the mean of the others is better without it.
+        let marks = [0.0, 0.1, -0.1, 0.0, 3.4];
+        let found = toggled(&0.7, &marks, square, mean, 9.0).unwrap();
+        assert!(found.abs() < 1e-12, "{found}");
+        // One that was left out comes back in.
+        let marks = [0.0, 0.1, -0.1, 3.1];
+        let found = toggled(&0.0, &marks, square, mean, 9.0).unwrap();
+        assert!((found - 0.775).abs() < 1e-12, "{found}");
+        assert_eq!(toggled(&0.0, &marks, square, mean, 3.0), None);
+        // At the best place nothing is.
+        assert_eq!(toggled(&0.0, &[0.0, 0.1, -0.1], square, mean, 9.0), None);
+    }
+
+    #[test]
+    fn a_landmark_descends_to_its_rays() {
+        let truth = Point2::new(1.0, 3.0);
+        let poses = [(0.0, 0.0, 0.3), (2.0, 0.5, 1.0), (-1.0, 1.0, 2.0)];
+        let poses = poses.map(|(x, y, theta)| crate::geometry::pose(x, y, theta));
+        let bearings: Vec<f64> = poses
+            .iter()
+            .map(|pose| crate::geometry::bearing_to(pose, &truth).unwrap().angle())
+            .collect();
+        let problem = Problem::dense(3, 1, &bearings, 0.01).unwrap();
+        let rays: Vec<_> = poses.into_iter().zip(problem.sightings()).collect();
+        let found = descend_landmark(&problem, &rays, Point2::new(1.2, 2.7), 10);
+        assert!((found - truth).norm() < 1e-9, "{found}");
+        // A single ray leaves a direction free.
+        let start = Point2::new(1.2, 2.7);
+        assert_eq!(descend_landmark(&problem, &rays[..0], start, 10), start);
+        assert_eq!(descend_landmark(&problem, &rays, start, 0), start);
+    }
+}

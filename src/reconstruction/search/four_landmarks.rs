@@ -201,3 +201,76 @@ fn bearings_of(problem: &Problem, view: usize, four: &[usize; 4]) -> Option<Quad
     let [a, b, c, d] = four.map(place);
     Some([a?, b?, c?, d?].map(|place| seen[place].bearing))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn exact(views: usize) -> (crate::simulate::Scene, Problem) {
+        let arena = crate::simulate::Arena::default();
+        let layout = crate::simulate::Layout::Enclosed;
+        let scene = crate::simulate::simulate(layout, views, 4, 0.0, 2, arena).unwrap();
+        let problem = Problem::dense(views, 4, &scene.bearings, 0.01).unwrap();
+        (scene, problem)
+    }
+
+    /// How far four landmarks are from others after alignment.
+    fn apart(map: &Map, points: &[Point2<f64>]) -> f64 {
+        let [a, b] = [quadrangle(map).unwrap(), points.try_into().unwrap()];
+        unlike(&b, &a)
+    }
+
+    /// Four landmarks and five exact views have two maps, of which one is the truth; the other is its twin, and the truth is
+    /// the twin of that.
+    #[test]
+    fn exact_views_give_two_maps_each_the_twin_of_the_other() {
+        let (scene, problem) = exact(5);
+        let triples = [[0, 1, 2], [1, 2, 3], [0, 2, 4]];
+        let found = FourLandmarks::shared(&problem, &triples);
+        // All triples share the same four.
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].landmarks, found[0].triple), ([0, 1, 2, 3], 0));
+        let maps = found[0].solutions(&problem);
+        assert_eq!(maps.len(), 2);
+        let (_, right) = maps
+            .iter()
+            .find(|(_, map)| apart(map, &scene.landmarks) < 1e-6)
+            .unwrap();
+        let other = twin(&problem, right).unwrap();
+        assert!(apart(&other, &scene.landmarks) > 1e-3);
+        let again = twin(&problem, &other).unwrap();
+        assert!(apart(&again, &scene.landmarks) < 1e-6);
+        let squares: f64 = right.residuals(&problem).flatten().map(|r| r * r).sum();
+        assert!(right.is_complete() && squares < 1e-12);
+        // Three views are too few.
+        let (_, three) = exact(3);
+        assert!(FourLandmarks::shared(&three, &[[0, 1, 2]]).is_empty());
+        let mut part = right.clone();
+        part.landmarks[2] = None;
+        assert!(twin(&problem, &part).is_none() && along_wall(&problem, &part).is_empty());
+    }
+
+    /// Members of the family of a wall keep landmarks on a line and its order; the one in the middle is the map itself.
+    #[test]
+    fn the_family_of_a_wall_keeps_its_line() {
+        // Nothing is seen, so that no view moves the landmarks.
+        let problem = Problem::new(5, 4, &[]).unwrap();
+        let mut map = Map::empty(5, 4);
+        let along = [-3.0, -1.0, 1.0, 3.0];
+        map.landmarks = along.map(|x| Some(Point2::new(x, 2.0 + 0.5 * x))).to_vec();
+        let members = along_wall(&problem, &map);
+        assert_eq!(members.len(), MEMBERS as usize);
+        let middle = &members[MEMBERS as usize / 2];
+        let original: Vec<Point2<f64>> = map.landmarks.iter().flatten().copied().collect();
+        assert!(apart(middle, &original) < 1e-9);
+        for member in &members {
+            assert!(member.width_over_length() < 1e-9);
+            // No landmark has passed through infinity: their order stays, up to the direction of the line.
+            let places: Vec<f64> = member.landmarks.iter().flatten().map(|p| p.x).collect();
+            let rises = places.is_sorted() || places.iter().rev().is_sorted();
+            assert!(rises, "{places:?}");
+        }
+        assert!(apart(&members[0], &original) > 0.1);
+        assert!(apart(&members[MEMBERS as usize - 1], &original) > 0.1);
+    }
+}

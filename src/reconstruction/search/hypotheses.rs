@@ -236,3 +236,56 @@ fn distinct(mut scored: ScoredHypotheses, options: &HypothesisOptions) -> Scored
     }
     kept.into_iter().map(|(found, _)| found).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of maps that end in the same minimum the best is kept, and so many in all.
+    #[test]
+    fn the_best_of_each_cluster_is_kept() {
+        let map = |x: f64| {
+            let mut map = Map::empty(3, 0);
+            for (place, (x, y)) in map.poses.iter_mut().zip([(0.0, 0.0), (1.0, 0.0), (x, 1.0)]) {
+                *place = Some(crate::geometry::pose(x, y, 0.1));
+            }
+            map
+        };
+        let options = HypothesisOptions::default();
+        let scored = |places: &[(f64, f64)]| -> ScoredHypotheses {
+            let one = |&(score, x): &(f64, f64)| {
+                (
+                    score,
+                    Hypothesis {
+                        map: map(x),
+                        triple: 0,
+                    },
+                )
+            };
+            places.iter().map(one).collect()
+        };
+        let step = 0.1 * options.cluster;
+        let places = [
+            (3.0, 0.0),
+            (1.0, step),
+            (2.0, 1.0),
+            (4.0, 1.0 + step),
+            (0.5, 2.0),
+        ];
+        let found = distinct(scored(&places), &options);
+        let scores: Vec<f64> = found.iter().map(|(score, _)| *score).collect();
+        assert_eq!(scores, [0.5, 1.0, 2.0]);
+        let two = HypothesisOptions {
+            max_distinct: 2,
+            ..options
+        };
+        assert_eq!(distinct(scored(&places), &two).len(), 2);
+        assert!(ranked(scored(&places)).iter().map(|one| &one.map).eq([
+            &map(2.0),
+            &map(step),
+            &map(1.0),
+            &map(0.0),
+            &map(1.0 + step)
+        ]));
+    }
+}

@@ -234,4 +234,135 @@ mod tests {
             assert!((away.norm() - options.off).abs() < 1e-6, "{away}");
         }
     }
+
+    /// Six views and nine landmarks with exact bearings; the fourth landmark is at `place`, if anywhere else than in the
+    /// scene.
+    fn exact(place: Option<Point2<f64>>) -> (Problem, Map) {
+        let scene = simulate(Layout::Enclosed, 6, 9, 0.0, 2, Arena::default()).unwrap();
+        let mut truth = scene.map();
+        let place = place.unwrap_or(scene.landmarks[3]);
+        truth.landmarks[3] = Some(place);
+        let mut bearings = scene.bearings;
+        for (view, pose) in scene.poses.iter().enumerate() {
+            bearings[view * 9 + 3] = crate::geometry::bearing_to(pose, &place).unwrap().angle();
+        }
+        let problem = Problem::dense(6, 9, &bearings, 0.01).unwrap();
+        (problem, truth)
+    }
+
+    const OPTIONS: MoveOptions = MoveOptions {
+        worth: 10.0,
+        partial_worth: 1000.0,
+        partial: 0.75,
+        off: 0.02,
+        away: 30.0,
+        tried: 4,
+        persistent_tried: 20,
+        rounds: 10,
+        iterations: 10,
+    };
+
+    /// The landmark that stands in the wrong place goes first to where its rays meet, onto a view that it is on, or out.
+    #[test]
+    fn a_landmark_is_put_where_its_bearings_are_from() {
+        let (_, scene) = exact(None);
+        let pose = scene.poses[2].unwrap();
+        let on_view = Point2::from(pose.translation.vector + Vector2::new(1e-9, 2e-9));
+        let far = Point2::new(1e7, 2e7);
+        for (place, name) in [
+            (None, "meeting"),
+            (Some(on_view), "view"),
+            (Some(far), "far"),
+        ] {
+            let (problem, mut map) = exact(place);
+            let truth = map.landmarks[3].unwrap();
+            map.landmarks[3] = Some(Point2::new(3.0, 2.5));
+            let moved = moved_maps(&problem, &map, 1.0, [4, 4], &OPTIONS);
+            let view = Point2::from(pose.translation.vector);
+            let begin = match name {
+                "meeting" => truth,
+                // Along the bearing that is measured there.
+                "view" => view + (truth - view).normalize() * OPTIONS.off,
+                _ => Point2::from(truth.coords.normalize() * OPTIONS.away),
+            };
+            let places = moved.iter().map(|map| map.landmarks[3].unwrap());
+            let off: Vec<f64> = places.map(|place| (place - begin).norm()).collect();
+            assert!(off.iter().any(|off| *off < 0.02), "{name}: {off:?}");
+            // Far out it is also where its rays meet.
+            assert!(name == "far" || off[0] < 1e-6, "{name}: {off:?}");
+            for map in &moved {
+                let others = map.landmarks.iter().zip(&scene.landmarks).enumerate();
+                assert!(others.into_iter().all(|(k, (a, b))| k == 3 || a == b));
+                assert_eq!(map.poses, scene.poses);
+            }
+        }
+    }
+
+    /// At a minimum that all bearings fit nothing is worth a try, nor is a place closer than where it would begin.
+    #[test]
+    fn nothing_is_moved_that_costs_more_than_it_is_worth() {
+        let (problem, truth) = exact(None);
+        assert!(moved_maps(&problem, &truth, 1e-9, [20, 20], &OPTIONS).is_empty());
+        // In units of what the standard deviations predict, some places are.
+        let slack = |worth: f64| {
+            let options = MoveOptions { worth, ..OPTIONS };
+            moved_maps(&problem, &truth, 1.0, [100, 0], &options).len()
+        };
+        let counts = [1.0, 1e3, 1e6].map(slack);
+        assert!(counts.is_sorted() && counts[0] < counts[2], "{counts:?}");
+        let mut near = truth.clone();
+        near.landmarks[3].as_mut().unwrap().x += 0.019;
+        let tried = |off: f64| {
+            let options = MoveOptions { off, ..OPTIONS };
+            moved_maps(&problem, &near, 1e-9, [20, 20], &options).len()
+        };
+        assert_eq!([tried(0.018), tried(0.02)], [1, 0]);
+    }
+
+    /// Where tables have gaps a landmark may leave its nearest view, and landmarks and views are tried in turns.
+    #[test]
+    fn gaps_release_landmarks_and_move_views() {
+        let (problem, mut map) = exact(None);
+        let truth = map.landmarks[3].unwrap();
+        // Right next to the first view, whose bearing is wrong.
+        let beside = map.poses[0].unwrap().translation.vector + Vector2::new(0.05, 0.0);
+        map.landmarks[3] = Some(Point2::from(beside));
+        let mut bearings: Vec<f64> = alloc::vec![f64::NAN; 54];
+        for (s, &place) in problem.sightings().iter().zip(problem.input_order()) {
+            bearings[place] = s.bearing.angle() + if place == 3 { 0.5 } else { 0.0 };
+        }
+        let problem = Problem::dense(6, 9, &bearings, 0.01).unwrap();
+        let released = |partial: f64| {
+            let options = MoveOptions { partial, ..OPTIONS };
+            let maps = moved_maps(&problem, &map, 100.0, [9, 9], &options);
+            let places = maps.iter().filter_map(|map| map.landmarks[3]);
+            let back = places.filter(|place| (place - truth).norm() < 1e-6);
+            (
+                back.count(),
+                maps.iter().filter(|other| other.poses != map.poses).count(),
+            )
+        };
+        assert_eq!(released(0.75), (0, 0));
+        let (back, views) = released(1.1);
+        assert!(back == 1 && views > 0, "{back} {views}");
+        let options = MoveOptions {
+            partial: 1.1,
+            ..OPTIONS
+        };
+        let kinds = |tried: [usize; 2]| -> Vec<bool> {
+            let maps = moved_maps(&problem, &map, 1e4, tried, &options);
+            maps.iter().map(|other| other.poses != map.poses).collect()
+        };
+        assert_eq!(kinds([3, 1]), [false, true, false, false]);
+        assert_eq!(kinds([1, 3]), [false, true, true, true]);
+        assert_eq!(kinds([2, 0]), [false, false]);
+    }
+
+    #[test]
+    fn half_squares_end_at_their_bound() {
+        let squares = |bound| half_squares([1.0, -2.0].into_iter(), bound);
+        assert_eq!(squares(f64::INFINITY), Some(2.5));
+        assert_eq!(squares(2.5), Some(2.5));
+        assert_eq!(squares(2.4), None);
+    }
 }

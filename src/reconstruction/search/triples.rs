@@ -160,3 +160,109 @@ pub fn are_rivals(problem: &Problem, motions: &[Motion<f64>; 2], shared: usize) 
     let margin = 1 + shared / 8;
     !problem.is_oriented() || second.inconsistent <= first.inconsistent + margin
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::Sighting;
+    use nalgebra::UnitComplex;
+
+    /// Views of a table with gaps, by what they see.
+    fn seen(views: &[&[usize]], landmarks: usize) -> Problem {
+        let sightings = views.iter().enumerate().flat_map(|(view, seen)| {
+            seen.iter().map(move |&landmark| Sighting {
+                view,
+                landmark,
+                bearing: 0.01 * (100 * view + landmark) as f64,
+                sigma: 0.1,
+            })
+        });
+        Problem::new(views.len(), landmarks, &sightings.collect::<Vec<_>>()).unwrap()
+    }
+
+    #[test]
+    fn common_bearings_are_of_what_all_three_see() {
+        let problem = seen(
+            &[&[0, 2, 3, 7, 9], &[1, 2, 7, 8, 9], &[0, 2, 4, 7], &[9]],
+            10,
+        );
+        let (triples, landmarks) = common_bearings(&problem, [2, 0, 1]);
+        assert_eq!(landmarks, [2, 7]);
+        for (triple, landmark) in triples.iter().zip(landmarks) {
+            for (bearing, view) in triple.iter().zip([2, 0, 1]) {
+                let expected = UnitComplex::new(0.01 * (100 * view + landmark) as f64);
+                assert!(bearing.angle_to(&expected).abs() < 1e-12);
+            }
+        }
+        assert!(common_bearings(&problem, [0, 2, 3]).1.is_empty());
+        assert_eq!(most_shared(&problem, &DrawOptions::default()), 2);
+    }
+
+    /// Listed or drawn, triples are distinct, ordered and share enough, and no more come than are wanted.
+    #[test]
+    fn triples_share_what_is_needed() {
+        // Windows of a hundred landmarks in a row, of which every third is seen by fewer than three views.
+        let windows: Vec<Vec<usize>> = (0..30)
+            .map(|view| (5 * view..5 * view + 20).collect())
+            .collect();
+        let windows: Vec<&[usize]> = windows.iter().map(Vec::as_slice).collect();
+        let problem = seen(&windows, 180);
+        let listed = DrawOptions::default();
+        let drawn = DrawOptions {
+            listed_views: 10,
+            ..listed
+        };
+        for (options, needed, count, all) in [
+            // Two views next to each other and one up to three places on.
+            (listed, 5, usize::MAX / 100, 28 + 2 * 27),
+            (listed, 10, 1000, 28),
+            (listed, 10, 7, 7),
+            (drawn, 5, 40, 40),
+            (drawn, 11, 10, 0),
+            (listed, 11, 10, 0),
+        ] {
+            let found = draw(&problem, needed, count.min(10_000), 3, &options);
+            assert_eq!(found.len(), all, "{needed} {count}");
+            let mut distinct = found.clone();
+            distinct.sort_unstable();
+            distinct.dedup();
+            assert_eq!(distinct.len(), all);
+            for views in found {
+                assert!(views.is_sorted_by(|a, b| a < b));
+                assert!(common_bearings(&problem, views).1.len() >= needed);
+            }
+        }
+        assert_eq!(most_shared(&problem, &listed), 10);
+        // Every triple has the same chance.
+        let mut times = [0; 30];
+        for seed in 0..50 {
+            for views in draw(&problem, 10, 3, seed, &listed) {
+                times[views[0]] += 1;
+            }
+        }
+        assert!(
+            times[..28].iter().filter(|&&times| times > 0).count() > 20,
+            "{times:?}"
+        );
+    }
+
+    #[test]
+    fn a_motion_is_a_rival_up_to_a_few_wrong_signs() {
+        let problem = seen(&[&[0], &[0], &[0]], 1);
+        let motion = |inconsistent: usize| Motion {
+            poses: [crate::geometry::pose(0.0, 0.0, 0.0); 3],
+            inconsistent,
+            cost: 0.0,
+        };
+        for (shared, second, rivals) in [(7, 3, true), (7, 4, false), (16, 5, true), (16, 6, false)]
+        {
+            let motions = [motion(2), motion(second)];
+            assert_eq!(
+                are_rivals(&problem, &motions, shared),
+                rivals,
+                "{shared} {second}"
+            );
+            assert!(are_rivals(&problem.clone().unoriented(), &motions, shared));
+        }
+    }
+}
