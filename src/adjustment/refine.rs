@@ -352,6 +352,7 @@ mod tests {
     #[test]
     fn maps_that_have_grown_shrunk_or_gone_away_have_drifted() {
         let square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)];
+        let free = FixedByPriors::of(&Problem::new(1, 1, &[]).unwrap());
         let drifted_by = |factor: f64, away: (f64, f64)| {
             let mut bundle = Bundle {
                 poses: square
@@ -360,7 +361,7 @@ mod tests {
                 landmarks: Vec::from([Point2::new(0.5, 0.5)]),
             };
             bundle.scale(factor);
-            drifted(&bundle)
+            drifted(&bundle, &free)
         };
         let home = (0.0, 0.0);
         assert_eq!(drifted_by(1.0, home), None);

@@ -10,12 +10,17 @@ use alloc::vec::Vec;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
-use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{
-    LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
+    factorize_symbolic_cholesky,
 };
+use faer::sparse::linalg::{SupernodalThreshold, amd};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
+
+/// Operations for each entry of the factor, over forty, from which it is computed by dense blocks: a fifth of what faer
+/// takes, since all unknowns come in blocks.
+const SUPERNODAL: SupernodalThreshold = SupernodalThreshold(0.2);
 
 /// The pattern of the lower triangle, column by column, and the factor of the last values.
 pub struct SparseCholesky {
@@ -44,7 +49,10 @@ impl SparseCholesky {
             pattern(size, &column_start, &rows),
             Side::Lower,
             SymmetricOrdering::Custom(PermRef::new_checked(&forward, &backward, size)),
-            Default::default(),
+            CholeskySymbolicParams {
+                supernodal_flop_ratio_threshold: SUPERNODAL,
+                ..Default::default()
+            },
         )
         .ok()?;
         let need = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());

@@ -225,7 +225,6 @@ mod tests {
     /// Far out along the mean ray, from the middle of the views that see the landmark, in sizes of the map.
     #[test]
     fn a_landmark_starts_far_out_along_its_rays() {
-        // The others are two away from the first view.
         let poses = [(0.0, 2.0), (0.0, 4.0), (0.0, 0.0)];
         let map = Map {
             poses: poses.map(|(x, y)| Some(pose(x, y, 0.0))).to_vec(),
@@ -249,16 +248,16 @@ mod tests {
             nan,
         ];
         let problem = Problem::dense(3, 4, &bearings, 0.1).unwrap();
-        let far = far_out(&problem, &map, 0, 30.0).unwrap();
+        let far = far_out(&problem, &map, 0, 60.0).unwrap();
         assert!((far - Point2::new(60.0, 3.0)).norm() < 1e-12, "{far}");
         // Opposite rays have no mean, a single one is not enough.
-        assert_eq!(far_out(&problem, &map, 2, 30.0), None);
-        assert_eq!(far_out(&problem, &map, 3, 30.0), None);
+        assert_eq!(far_out(&problem, &map, 2, 60.0), None);
+        assert_eq!(far_out(&problem, &map, 3, 60.0), None);
         // Modulo pi they point the same way.
         let lines = problem.unoriented();
-        let far = far_out(&lines, &map, 2, 30.0).unwrap();
+        let far = far_out(&lines, &map, 2, 60.0).unwrap();
         assert!((far - Point2::new(0.0, 63.0)).norm() < 1e-9, "{far}");
-        let far = far_out(&lines, &map, 1, 30.0).unwrap();
+        let far = far_out(&lines, &map, 1, 60.0).unwrap();
         assert!((far - Point2::new(0.0, 62.0)).norm() < 1e-9, "{far}");
     }
 
@@ -325,7 +324,7 @@ mod tests {
         };
         assert_eq!(found.undetermined, [missing, far]);
         assert_eq!(found.map.landmarks[8], None);
-        let back = with_landmarks_at_infinity(&problem, &found, 30.0);
+        let back = with_landmarks_at_infinity(&problem, &found, 60.0);
         assert_eq!(back.landmarks[2], None);
         assert_eq!(back.landmarks[1], whole.landmarks[1]);
         let away = back.landmarks[8].unwrap().coords;

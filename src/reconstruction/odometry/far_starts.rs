@@ -107,6 +107,6 @@ mod tests {
         assert_eq!(found.len(), options.far_radii.len());
 
         let moving = Problem::dense(4, 6, &scene.bearings, 0.01).unwrap();
-        assert!(far_starts(&moving, &scene.map(), 0.05, &options).is_empty());
+        assert!(far_starts(&moving, &scene.map(), 1e-3, &options).is_empty());
     }
 }

@@ -296,7 +296,7 @@ mod tests {
         let scene = simulate(Layout::Enclosed, 6, 9, 0.002, 2, Arena::default()).unwrap();
         let problem = Problem::dense(6, 9, &scene.bearings, 0.01).unwrap();
         let options = SolveOptions::default();
-        let truth = to_consensus(&problem, scene.map(), &options)
+        let truth = to_consensus(&problem, scene.map(), f64::INFINITY, &options)
             .unwrap()
             .unwrap();
         let mut wrong = scene.map();

@@ -260,6 +260,7 @@ mod tests {
         persistent_tried: 20,
         rounds: 10,
         iterations: 10,
+        back: [0.3, 1.0, 3.0, 10.0],
     };
 
     /// The landmark that stands in the wrong place goes first to where its rays meet, onto a view that it is on, or out.
