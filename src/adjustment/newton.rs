@@ -24,12 +24,12 @@ pub const MAX_FULL: usize = 512;
 
 /// Maximum number of iterations, times the cube of the number of parameters, as which their time grows: 1000 of 200
 /// parameters, which take a second or two. Gauss-Newton may go on.
-const WORK: f64 = 8e9;
+const WORK: u64 = 8_000_000_000;
 
 /// The iterations of a problem with so many parameters that may be spent on Newton's method.
 pub fn affordable(parameters: usize) -> usize {
-    let parameters = parameters.max(1) as f64;
-    (WORK / (parameters * parameters * parameters)) as usize
+    let cube = (parameters.max(1) as u64).saturating_pow(3);
+    usize::try_from(WORK / cube).unwrap_or(usize::MAX)
 }
 
 /// Completes an adjustment by Newton's method, with landmarks on boundaries where that lowers the cost, until the total

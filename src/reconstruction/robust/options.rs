@@ -192,8 +192,13 @@ impl Default for RobustOptions {
 impl RobustOptions {
     /// Maximum number of iterations of a map of so many unknowns that is compared with the best.
     pub(super) fn compared_iterations(&self, unknowns: usize) -> usize {
-        let ratio = self.finished_unknowns as f64 / unknowns.max(1) as f64;
-        (self.finished_iterations as f64 * (ratio * ratio * ratio).min(1.0)) as usize
+        if unknowns <= self.finished_unknowns {
+            return self.finished_iterations;
+        }
+        let [affordable, needed] =
+            [self.finished_unknowns, unknowns].map(|n| (n as u128).saturating_pow(3));
+        let iterations = (self.finished_iterations as u128).saturating_mul(affordable) / needed;
+        usize::try_from(iterations).unwrap_or(self.finished_iterations)
     }
 }
 
