@@ -34,8 +34,8 @@
 
 use super::options::{
     AFTER_GOOD_STEP, AFTER_POOR_STEP, AFTER_REFUSED_STEP, CONVERGING, FORGET_REFUSED, GOOD_STEP,
-    HELD_BACK, LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP,
-    RENEWED_DAMPING, RESOLVED_EPS, RefineOptions, ZERO_RESIDUAL_EPS,
+    LIMITING_DAMPING, MAX_DAMPING, MIN_RAISED_DAMPING, NEAR_MINIMUM, POOR_STEP, RENEWED_DAMPING,
+    RESOLVED_EPS, RefineOptions, ZERO_RESIDUAL_EPS,
 };
 use super::prediction::Prediction;
 use super::termination::Termination;
@@ -113,9 +113,8 @@ pub fn minimize<T: Real>(
     let resolved = tolerance > T::lit(RESOLVED_EPS) * T::eps();
     let gauss_newton = options.damping <= zero;
     // Whether damping, not the minimum, makes a step gain little.
-    let is_held_back = |predicted: &Prediction<T>, cost: T| {
-        resolved && predicted.held_back > T::lit(HELD_BACK) * tolerance * cost
-    };
+    let is_held_back =
+        |predicted: &Prediction<T>, cost: T| resolved && predicted.held_back > tolerance * cost;
     let rounding = problem.rounding();
     let mut cost = problem.cost();
     let mut iterations = 0;

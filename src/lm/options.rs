@@ -86,10 +86,6 @@ pub const LIMITING_DAMPING: f64 = 1e-2;
 /// tell how it goes on. From a start that costs a million times as much, gains shrink whatever is left.
 pub const NEAR_MINIMUM: f64 = 10.0;
 
-/// What is held back counts as much as this many times the tolerance: it takes as many further steps to gain, and the
-/// farther the model is followed, the less of what it promises comes true.
-pub const HELD_BACK: f64 = 100.0;
-
 /// A tolerance above this many units of rounding is resolved by the sum of the cost; that of single precision is not.
 pub const RESOLVED_EPS: f64 = 16.0;
 
