@@ -336,18 +336,19 @@ impl Attempts<'_, '_> {
         let mut dropped = best.clone();
         drop_landmarks_at_infinity(self.problem, &mut dropped, infinity);
         let size = size(&best.map);
-        let mut maps = Vec::new();
-        for landmark in listed_at_infinity(&dropped) {
-            for range in moves.back {
-                let place = far_out(self.problem, &best.map, landmark, range * size);
-                if place.is_some() {
-                    let mut map = best.map.clone();
-                    map.landmarks[landmark] = place;
-                    maps.push(map);
-                }
-            }
-        }
-        maps
+        let at_infinity: Vec<usize> = listed_at_infinity(&dropped).collect();
+        let places = moves.back.iter().flat_map(|range| {
+            at_infinity.iter().filter_map(move |&landmark| {
+                let place = far_out(self.problem, &best.map, landmark, range * size)?;
+                Some((landmark, place))
+            })
+        });
+        let changed = places.take(moves.most_back).map(|(landmark, place)| {
+            let mut map = best.map.clone();
+            map.landmarks[landmark] = Some(place);
+            map
+        });
+        changed.collect()
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and

@@ -106,8 +106,8 @@ fn component(
     Ok(best.map(|best| of_whole(problem, best)))
 }
 
-/// The fixed points that seeds lead to, each once, not yet refined to the end. With many views, where each takes long, two seeds that lead to the
-/// same are enough.
+/// The fixed points that seeds lead to, each once, not yet refined to the end. With many views, where each takes long,
+/// two seeds that lead to the same are enough.
 fn from_seeds(
     problem: &Problem,
     options: &SolveOptions,

@@ -250,19 +250,6 @@ mod tests {
         (problem, truth)
     }
 
-    const OPTIONS: MoveOptions = MoveOptions {
-        worth: 10.0,
-        partial_worth: 1000.0,
-        partial: 0.75,
-        off: 0.02,
-        away: 30.0,
-        tried: 4,
-        persistent_tried: 20,
-        rounds: 10,
-        iterations: 10,
-        back: [0.3, 1.0, 3.0, 10.0],
-    };
-
     /// The landmark that stands in the wrong place goes first to where its rays meet, onto a view that it is on, or out.
     #[test]
     fn a_landmark_is_put_where_its_bearings_are_from() {
@@ -278,13 +265,13 @@ mod tests {
             let (problem, mut map) = exact(place);
             let truth = map.landmarks[3].unwrap();
             map.landmarks[3] = Some(Point2::new(3.0, 2.5));
-            let moved = moved_maps(&problem, &map, 1.0, [4, 4], &OPTIONS);
+            let moved = moved_maps(&problem, &map, 1.0, [4, 4], &MoveOptions::default());
             let view = Point2::from(pose.translation.vector);
             let begin = match name {
                 "meeting" => truth,
                 // Along the bearing that is measured there.
-                "view" => view + (truth - view).normalize() * OPTIONS.off,
-                _ => Point2::from(truth.coords.normalize() * OPTIONS.away),
+                "view" => view + (truth - view).normalize() * MoveOptions::default().off,
+                _ => Point2::from(truth.coords.normalize() * MoveOptions::default().away),
             };
             let places = moved.iter().map(|map| map.landmarks[3].unwrap());
             let off: Vec<f64> = places.map(|place| (place - begin).norm()).collect();
@@ -303,10 +290,13 @@ mod tests {
     #[test]
     fn nothing_is_moved_that_costs_more_than_it_is_worth() {
         let (problem, truth) = exact(None);
-        assert!(moved_maps(&problem, &truth, 1e-9, [20, 20], &OPTIONS).is_empty());
+        assert!(moved_maps(&problem, &truth, 1e-9, [20, 20], &MoveOptions::default()).is_empty());
         // In units of what the standard deviations predict, some places are.
         let slack = |worth: f64| {
-            let options = MoveOptions { worth, ..OPTIONS };
+            let options = MoveOptions {
+                worth,
+                ..MoveOptions::default()
+            };
             moved_maps(&problem, &truth, 1.0, [100, 0], &options).len()
         };
         let counts = [1.0, 1e3, 1e6].map(slack);
@@ -314,7 +304,10 @@ mod tests {
         let mut near = truth.clone();
         near.landmarks[3].as_mut().unwrap().x += 0.019;
         let tried = |off: f64| {
-            let options = MoveOptions { off, ..OPTIONS };
+            let options = MoveOptions {
+                off,
+                ..MoveOptions::default()
+            };
             moved_maps(&problem, &near, 1e-9, [20, 20], &options).len()
         };
         assert_eq!([tried(0.018), tried(0.02)], [1, 0]);
@@ -334,7 +327,10 @@ mod tests {
         }
         let problem = Problem::dense(6, 9, &bearings, 0.01).unwrap();
         let released = |partial: f64| {
-            let options = MoveOptions { partial, ..OPTIONS };
+            let options = MoveOptions {
+                partial,
+                ..MoveOptions::default()
+            };
             let maps = moved_maps(&problem, &map, 100.0, [9, 9], &options);
             let places = maps.iter().filter_map(|map| map.landmarks[3]);
             let back = places.filter(|place| (place - truth).norm() < 1e-6);
@@ -348,7 +344,7 @@ mod tests {
         assert!(back == 1 && views > 0, "{back} {views}");
         let options = MoveOptions {
             partial: 1.1,
-            ..OPTIONS
+            ..MoveOptions::default()
         };
         let kinds = |tried: [usize; 2]| -> Vec<bool> {
             let maps = moved_maps(&problem, &map, 1e4, tried, &options);

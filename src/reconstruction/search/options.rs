@@ -111,6 +111,8 @@ pub struct MoveOptions {
     /// Ranges, in sizes of the map, at which a landmark at infinity starts once more, all else being as it is. They are
     /// given the iterations of a start: views have to follow it.
     pub back: [f64; 4],
+    /// Maximum number of such starts in a round: all of eight landmarks, the nearest ranges of more.
+    pub most_back: usize,
 }
 
 impl Default for MoveOptions {
@@ -126,6 +128,7 @@ impl Default for MoveOptions {
             rounds: 10,
             iterations: 10,
             back: [0.3, 1.0, 3.0, 10.0],
+            most_back: 32,
         }
     }
 }
