@@ -19,5 +19,5 @@ mod sparse;
 mod step_solver;
 
 pub(crate) use align_to_priors::aligned_to_priors;
+pub(crate) use refine::cost_of_priors;
 pub use refine::{Report, refine_map};
-pub(crate) use refine::{cost, cost_of_priors};

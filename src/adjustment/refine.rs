@@ -165,13 +165,6 @@ fn descend(adjustment: &mut BundleAdjustment<'_, '_>) -> Result<Termination, Err
     }
 }
 
-/// The cost of the determined part of a map: half the sum of the losses of residuals over sigma, and of the
-/// squares of odometry and priors.
-pub fn cost(problem: &Problem, map: &Map, loss: Loss) -> f64 {
-    let active = map.restrict(problem);
-    Bundle::from_map(map).linearize(&active, loss, &mut Rows::of(&active))
-}
-
 /// The part of the cost that comes from odometry and priors.
 pub fn cost_of_priors(problem: &Problem, map: &Map) -> f64 {
     if problem.priors().is_empty() {

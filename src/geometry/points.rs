@@ -16,12 +16,16 @@ pub fn centroid(points: &[Vector2<f64>]) -> Vector2<f64> {
 /// The median, the mean of the middle two of an even number; NaN of none.
 #[cfg(feature = "alloc")]
 pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let half = values.len() / 2;
-    match values.len() {
-        0 => f64::NAN,
-        odd if odd % 2 == 1 => values[half],
-        _ => (values[half - 1] + values[half]) * 0.5,
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let (half, is_odd) = (values.len() / 2, values.len() % 2 == 1);
+    let (below, &mut upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
+    let lower = below.iter().copied().max_by(f64::total_cmp);
+    if is_odd {
+        upper
+    } else {
+        lower.map_or(upper, |lower| (lower + upper) * 0.5)
     }
 }
 

@@ -2,6 +2,7 @@
 //! Landmarks behind the views that see them, where a descent has ended that went through a view.
 
 use super::attempt::attempt;
+use super::far_views::without_far_views;
 use super::infinity::{drop_landmarks_at_infinity, with_landmarks_at_infinity};
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
@@ -16,7 +17,7 @@ use alloc::vec::Vec;
 /// Alternatives do not stay with a map that has lost landmarks: they explain other bearings.
 ///
 /// # Errors
-/// Those that stop everything, as [`attempt`].
+/// As [`without_far_views`].
 pub fn without_landmarks_behind(
     problem: &Problem,
     mut best: Reconstruction,
@@ -48,7 +49,8 @@ pub fn without_landmarks_behind(
     drop_landmarks_at_infinity(problem, &mut found, &options.stages.infinity);
     let components = core::mem::take(&mut best.components);
     found.attach(components);
-    Ok(found)
+    // The refinement of the rest may have sent views away.
+    without_far_views(problem, found, options, progress)
 }
 
 /// The landmarks that are behind at least half of the rays that see them; where priors know a landmark it stays.
@@ -62,12 +64,12 @@ fn landmarks_behind(problem: &Problem, map: &Map) -> Vec<usize> {
             return false;
         };
         let rays = map.rays(problem, landmark);
-        let all = rays.clone().count();
         // On its view it is neither.
-        let behind = rays.filter(|(pose, s)| {
-            point.coords != pose.translation.vector && !is_ahead(pose, &s.bearing, &point)
+        let behind = rays.clone().filter(|(pose, s)| {
+            !is_ahead(pose, &s.bearing, &point) && point.coords != pose.translation.vector
         });
-        all > 0 && 2 * behind.count() >= all
+        let behind = behind.count();
+        behind > 0 && 2 * behind >= rays.count()
     };
     (0..problem.landmarks()).filter(behind).collect()
 }

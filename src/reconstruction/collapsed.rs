@@ -65,15 +65,17 @@ fn ranges(problem: &Problem, map: &Map) -> Option<f64> {
     let views: Vec<Vector2<f64>> = map.view_positions().collect();
     let first = views.first().filter(|_| landmarks.len() > 1)?;
     let places = views.iter().chain(&landmarks);
-    let extent = places.fold(0.0, |extent: f64, place| extent.max((place - first).norm()));
+    let extent = places.fold(0.0, |most: f64, place| {
+        most.max((place - first).norm_squared())
+    });
     let placed = map.landmarks.iter().enumerate();
     let placed = placed.filter_map(|(landmark, point)| Some((landmark, (*point)?)));
     let nearest = placed.map(|(landmark, point)| {
         let rays = map.rays(problem, landmark);
-        let ranges = rays.map(|(pose, _)| (pose.translation.vector - point.coords).norm());
-        ranges.fold(f64::INFINITY, f64::min)
+        let squares = rays.map(|(pose, _)| (pose.translation.vector - point.coords).norm_squared());
+        squares.fold(f64::INFINITY, f64::min).sqrt()
     });
-    Some(median(nearest.collect()) / extent)
+    Some(median(nearest.collect()) / extent.sqrt())
 }
 
 /// The median distance of the views from their middle, as a share of the largest.

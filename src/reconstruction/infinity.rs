@@ -166,10 +166,14 @@ struct Horizon {
 }
 
 impl Horizon {
-    /// `None` for a map without a size: half of it is in one place.
+    /// `None` for a map without a size, half of which is in one place, and for one that is all within its horizon.
     fn of(map: &Map, options: &InfinityOptions) -> Option<Self> {
         let landmarks = map.landmarks.iter().flatten().map(|point| point.coords);
-        let places: Vec<Vector2<f64>> = map.view_positions().chain(landmarks).collect();
+        let places = map.view_positions().chain(landmarks);
+        if is_compact(places.clone(), options.horizon) {
+            return None;
+        }
+        let places: Vec<Vector2<f64>> = places.collect();
         let middle = middle(&places);
         let size = median(places.iter().map(|place| (place - middle).norm()).collect());
         (size > 0.0).then_some(Self {
@@ -184,12 +188,44 @@ impl Horizon {
     }
 }
 
+/// Whether places are all within their horizon, seen in pairs and without medians; `false` where that does not tell.
+///
+/// Only one of two places that are a length apart is within half of it from the middle. Where that is so of all pairs,
+/// the median distance from the middle is at least a quarter of the length; none is farther from there than two
+/// and a half times what the farthest is from the first.
+fn is_compact(mut places: impl Iterator<Item = Vector2<f64>> + Clone, horizon: f64) -> bool {
+    let mut others = places.clone();
+    let Some(first) = others.next() else {
+        return true;
+    };
+    let farthest = others.fold(0.0, |most: f64, place| {
+        most.max((place - first).norm_squared())
+    });
+    let length = 10.0 / horizon;
+    let apart =
+        |a: Vector2<f64>, b: Vector2<f64>| (a - b).norm_squared() > farthest * (length * length);
+    let mut pair = None;
+    while let Some(one) = places.next() {
+        let Some(other) = places.next() else {
+            // The odd one: of it and a pair only one is within.
+            return pair.is_some_and(|(a, b)| apart(one, a) && apart(one, b));
+        };
+        if !apart(one, other) {
+            return false;
+        }
+        pair = Some((one, other));
+    }
+    true
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::pose;
     use crate::problem::{Noise, PosePrior};
     use nalgebra::Point2;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     /// The first view is as far away as any: the horizon is around the middle.
     #[test]
@@ -219,6 +255,38 @@ mod tests {
             };
             let problem = problem.clone().with_pose_priors(&[known]).unwrap();
             assert_eq!(views_beyond_horizon(&problem, &map, &options), beyond);
+        }
+    }
+
+    /// What is compact has nothing beyond its horizon, whatever the sizes, with many places that are the same.
+    #[test]
+    fn compact_places_are_within_their_horizon() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut counts = [0; 2];
+        for k in 0..20_000 {
+            let mut coordinate = || {
+                let most = [1, 7][k % 2];
+                10_f64.powi(random.random_range(0..=most))
+                    * random.random_range(-1.0..1.0_f64).round()
+            };
+            let places: Vec<_> = (0..1 + k % 7)
+                .map(|_| Vector2::new(coordinate(), coordinate()))
+                .collect();
+            let middle = middle(&places);
+            let away = |place: &Vector2<f64>| (place - middle).norm();
+            let radius = 1e3 * median(places.iter().map(away).collect());
+            let within = places.iter().all(|place| away(place) <= radius);
+            let compact = is_compact(places.into_iter(), 1e3);
+            assert!(within || !compact);
+            counts[0] += usize::from(compact);
+            counts[1] += usize::from(!within);
+        }
+        assert!(counts.iter().all(|count| *count > 4000), "{counts:?}");
+        let square = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (3.0, 2.0)];
+        for count in 0..=5 {
+            let places = square[..count].iter().map(|&(x, y)| Vector2::new(x, y));
+            // One place has no size.
+            assert_eq!(is_compact(places, 1e6), count != 1, "{count}");
         }
     }
 

@@ -2,7 +2,7 @@
 //! The result of a reconstruction.
 
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
-use crate::adjustment::{Report, cost};
+use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Termination};
@@ -68,25 +68,27 @@ impl Reconstruction {
         let map = in_reported_frame(problem, map);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let mut inliers = alloc::vec![false; residuals.len()];
-        let (mut squares, mut count) = (0.0, 0.0_f64);
+        let (mut squares, mut losses, mut count) = (0.0, 0.0, 0.0_f64);
         let all = problem.input_order().iter().zip(map.residuals(problem));
         for (k, (&place, residual)) in all.enumerate() {
             residuals[place] = residual;
             if let Some(r) = residual {
-                let weight = problem.sightings()[k].weight;
+                let over_sigma = r * problem.sightings()[k].weight;
                 inliers[place] = match report.loss {
-                    Loss::Truncated(width) => r.abs() * weight <= width,
+                    Loss::Truncated(width) => over_sigma.abs() <= width,
                     _ => true,
                 };
                 squares += r * r;
+                losses += report.loss.evaluate(over_sigma * over_sigma).0;
                 count += 1.0;
             }
         }
-        // A map that has shrunk until its coordinates round has the cost of the coordinates that are reported.
-        let cost = cost(problem, &map, report.loss);
-        let rounded = (cost - report.cost).abs() > ROUNDED * report.cost;
+        // A map that has shrunk until its coordinates round has the cost of the coordinates that are reported, as has one
+        // that was not refined.
+        let cost = 0.5 * losses + cost_of_priors(problem, &map);
+        let same = (cost - report.cost).abs() <= ROUNDED * report.cost;
         Self {
-            cost: if rounded { cost } else { report.cost },
+            cost: if same { report.cost } else { cost },
             rms: (squares / count.max(1.0)).sqrt(),
             freedom: freedom(problem, &map, &inliers),
             inliers,
@@ -269,11 +271,10 @@ mod tests {
             ..sightings[0]
         };
         let problem = Problem::new(2, 4, &[&[other], &sightings[..]].concat()).unwrap();
-        let cost = cost(&problem, &map, loss);
         let report = Report {
-            cost,
-            termination: Termination::Converged,
-            iterations: 3,
+            cost: f64::NAN,
+            termination: Termination::NotRefined,
+            iterations: 0,
             undetermined: Vec::new(),
             loss,
         };
@@ -341,23 +342,31 @@ mod tests {
         let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
         let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
         let map = scene.map();
-        let exact = cost(&problem, &map, Loss::Squared);
-        for (times, stands) in [
-            (1.0 + 1e-10, true),
-            (1.0 - 1e-10, true),
-            (1.0 + 1e-8, false),
-            (1.0 - 1e-8, false),
-        ] {
+        let reported = |cost: f64| {
             let report = Report {
-                cost: exact * times,
+                cost,
                 termination: Termination::Converged,
                 iterations: 3,
                 undetermined: Vec::new(),
                 loss: Loss::Squared,
             };
-            let found = Reconstruction::new(&problem, &map, report);
-            assert_eq!(found.cost == exact * times, stands, "{times}");
-            assert!((found.cost / exact - 1.0).abs() < 2e-10);
+            Reconstruction::new(&problem, &map, report).cost
+        };
+        let pairs = problem.sightings().iter().zip(map.residuals(&problem));
+        let exact: f64 = pairs
+            .map(|(s, r)| 0.5 * (r.unwrap() * s.weight).powi(2))
+            .sum();
+        for (times, stands) in [
+            (1.0 + 1e-10, true),
+            (1.0 - 1e-10, true),
+            (1.0 + 1e-8, false),
+            (1.0 - 1e-8, false),
+            // Not refined.
+            (f64::NAN, false),
+        ] {
+            let cost = reported(exact * times);
+            assert_eq!(cost == exact * times, stands, "{times}");
+            assert!((cost / exact - 1.0).abs() < 2e-10);
         }
     }
 }

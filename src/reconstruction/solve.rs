@@ -10,7 +10,7 @@ use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
 use super::{persist, strategy};
-use crate::adjustment::{Report, cost, refine_map};
+use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
 use crate::lm::{RefineOptions, Termination};
 use crate::problem::{Map, Problem, Subject, Why};
@@ -50,9 +50,9 @@ pub fn initialize(
     let judged = maps.into_iter().filter_map(|mut map| {
         let undetermined = map.prune(problem);
         map.poses.iter().flatten().next()?;
-        let cost = cost(problem, &map, options.refine.loss);
         let report = Report {
-            cost,
+            // That of the residuals.
+            cost: f64::NAN,
             termination: Termination::NotRefined,
             iterations: 0,
             undetermined,

@@ -56,8 +56,6 @@ pub fn finished(
     drop_landmarks_at_infinity(problem, &mut best, &options.stages.infinity);
     let best = without_far_views(problem, best, options, progress)?;
     let best = without_landmarks_behind(problem, best, options, progress)?;
-    // The refinement of the rest may have sent further views away.
-    let best = without_far_views(problem, best, options, progress)?;
     refuse_collapsed(problem, &best, &options.stages.judge)?;
     judged(problem, best)
 }

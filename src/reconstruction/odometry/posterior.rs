@@ -265,11 +265,11 @@ impl Attempts<'_, '_> {
         }
         let mut best = choose(self.problem, found, &stages.judge)?;
         let rivals = core::mem::take(&mut best.alternatives);
-        if !self.many {
+        if self.problem.views() <= stages.incremental.moved_views {
             best = self.with_moves(best)?;
-            if is_incomplete(&best) {
-                best = place_by_headings(self.problem, best, self.options, self.progress)?;
-            }
+        }
+        if !self.many && is_incomplete(&best) {
+            best = place_by_headings(self.problem, best, self.options, self.progress)?;
         }
         let mut found = Vec::new();
         for one in core::iter::once(best).chain(rivals) {
