@@ -327,28 +327,36 @@ impl Attempts<'_, '_> {
         Ok(best)
     }
 
-    /// Maps in which one of the landmarks at infinity is back: all views that see it have turned away from it together,
-    /// and no landmark or view alone lowers the cost.
+    /// Maps in which one of the landmarks at infinity is back, alone or in place of one that is on a view: all views that
+    /// see it have turned away from it together, and no landmark or view alone lowers the cost.
     fn returned_maps(&self, best: &Reconstruction) -> Vec<Map> {
         let StageOptions {
             moves, infinity, ..
         } = &self.options.stages;
         let mut dropped = best.clone();
         drop_landmarks_at_infinity(self.problem, &mut dropped, infinity);
-        let size = size(&best.map);
         let at_infinity: Vec<usize> = listed_at_infinity(&dropped).collect();
-        let places = moves.back.iter().flat_map(|range| {
-            at_infinity.iter().filter_map(move |&landmark| {
-                let place = far_out(self.problem, &best.map, landmark, range * size)?;
-                Some((landmark, place))
-            })
-        });
-        let changed = places.take(moves.most_back).map(|(landmark, place)| {
+        let size = size(&best.map);
+        let with = |places: &[(usize, f64)]| {
             let mut map = best.map.clone();
-            map.landmarks[landmark] = Some(place);
-            map
+            for &(landmark, range) in places {
+                let place = far_out(self.problem, &best.map, landmark, range * size)?;
+                map.landmarks[landmark] = Some(place);
+            }
+            Some(map)
+        };
+        let back = moves.back.iter().flat_map(|&range| {
+            let alone = at_infinity.iter();
+            alone.filter_map(move |&landmark| with(&[(landmark, range)]))
         });
-        changed.collect()
+        let on_views = landmarks_on_views(self.problem, &dropped.map, moves.beside * size);
+        let exchanged = on_views.iter().flat_map(|&out| {
+            let others = at_infinity.iter();
+            others.filter_map(move |&other| with(&[(out, moves.away), (other, moves.back[0])]))
+        });
+        back.take(moves.most_back)
+            .chain(exchanged.take(moves.most_back))
+            .collect()
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
@@ -373,4 +381,15 @@ impl Attempts<'_, '_> {
         }
         Ok(())
     }
+}
+
+/// The landmarks that are closer than so much to a view that sees them.
+fn landmarks_on_views(problem: &Problem, map: &Map, range: f64) -> Vec<usize> {
+    let is_on_view = |landmark: &usize| {
+        let mut rays = map.rays(problem, *landmark);
+        map.landmarks[*landmark].is_some_and(|point| {
+            rays.any(|(pose, _)| (pose.translation.vector - point.coords).norm() < range)
+        })
+    };
+    (0..problem.landmarks()).filter(is_on_view).collect()
 }

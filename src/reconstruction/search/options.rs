@@ -111,7 +111,10 @@ pub struct MoveOptions {
     /// Ranges, in sizes of the map, at which a landmark at infinity starts once more, all else being as it is. They are
     /// given the iterations of a start: views have to follow it.
     pub back: [f64; 4],
-    /// Maximum number of such starts in a round: all of eight landmarks, the nearest ranges of more.
+    /// Range from a view, in sizes of the map, below which a landmark is exchanged with one at infinity.
+    pub beside: f64,
+    /// Maximum number of such starts in a round, and of such exchanges: all ranges of eight landmarks, the nearest of
+    /// more.
     pub most_back: usize,
 }
 
@@ -128,6 +131,7 @@ impl Default for MoveOptions {
             rounds: 10,
             iterations: 10,
             back: [0.3, 1.0, 3.0, 10.0],
+            beside: 0.1,
             most_back: 32,
         }
     }
