@@ -8,6 +8,7 @@ mod collapsed;
 mod far_views;
 pub(crate) mod global;
 pub(crate) mod grow;
+mod home;
 mod incremental;
 mod infinity;
 pub(crate) mod judge;

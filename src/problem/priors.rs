@@ -4,7 +4,7 @@
 use super::noise::Noise;
 use super::subject::Subject;
 use crate::geometry::Pose;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 /// The measured motion from one view to another: the pose of `end` in the frame of `start`.
 ///
@@ -85,6 +85,17 @@ impl Prior {
             Self::Pose { view, .. } => [Some(Subject::View(view)), None],
             Self::Landmark { landmark, .. } => [Some(Subject::Landmark(landmark)), None],
         }
+    }
+
+    /// The same with what it knows of positions shifted.
+    pub(crate) fn shifted(&self, offset: Vector2<f64>) -> Self {
+        let mut shifted = *self;
+        match &mut shifted {
+            Self::Motion { .. } => {}
+            Self::Pose { pose, .. } => pose.translation.vector += offset,
+            Self::Landmark { position, .. } => position.coords += offset,
+        }
+        shifted
     }
 
     /// The same for renumbered subjects, with all lengths multiplied by a factor.

@@ -376,6 +376,15 @@ impl Problem {
         }
     }
 
+    /// The same problem with all known positions shifted.
+    pub(crate) fn shifted(&self, offset: Vector2<f64>) -> Self {
+        let priors = self.priors.iter().map(|prior| prior.shifted(offset));
+        Self {
+            priors: priors.collect(),
+            ..self.clone()
+        }
+    }
+
     /// The same problem in another unit of length; bearings do not depend on it.
     pub(crate) fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();

@@ -60,7 +60,7 @@ pub struct Reconstruction {
 }
 
 /// Relative difference between the cost of a refinement and that of the map it reports above which the frame has rounded.
-const ROUNDED: f64 = 1e-9;
+pub(super) const ROUNDED: f64 = 1e-9;
 
 impl Reconstruction {
     /// Normalises a map and computes its residuals.

@@ -3,6 +3,7 @@
 
 use super::choice::choose;
 use super::collapsed::{drop_collapsed_alternatives, refuse_collapsed};
+use super::home::{brought_back, home};
 use super::infinity::{InfinityOptions, drop_landmarks_at_infinity};
 use super::judge::{assess, judged};
 use super::odometry::posterior::solve_posterior;
@@ -140,7 +141,10 @@ pub fn solve(
     let mut progress = progress;
     let judge = &options.stages.judge;
     let mut best = if !problem.priors().is_empty() {
-        let best = solve_posterior(problem, options, &mut progress)?;
+        let home = home(problem);
+        let near = problem.shifted(-home);
+        let best = solve_posterior(&near, options, &mut progress)?;
+        let best = brought_back(problem, best, home, options, &mut progress)?;
         refuse_collapsed(problem, &best, judge)?;
         judged(problem, best)?
     } else if options.robust {

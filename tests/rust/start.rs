@@ -400,6 +400,50 @@ fn half_a_pose_and_few_landmarks_locate_a_view() {
     }
 }
 
+/// Coordinates of a survey, thousands of kilometres, change nothing but the place of the map, where single coordinates and
+/// headings of some views are known, and some landmarks.
+#[test]
+fn the_origin_may_be_anywhere() {
+    let offset = Point2::new(4e5, 5.5e6).coords;
+    for seed in [83, 288, 420, 744, 802] {
+        let found = [offset * 0.0, offset].map(|origin| {
+            let mut world = World::new(seed);
+            for _ in 0..9 {
+                let (x, y) = (world.between(0.0, 10.0), world.between(0.0, 10.0));
+                world.poses.push(pose(x, y, 3.0 * x));
+            }
+            world.scatter(Point2::new(0.0, 0.0), 7);
+            for pose in &mut world.poses {
+                pose.translation.vector += origin;
+            }
+            for point in &mut world.landmarks {
+                point.coords += origin;
+            }
+            let every = 2 + seed as usize % 3;
+            let problem = world.problem(|view, landmark| (view + landmark) % every != 0);
+            let mut known = world.known_poses([0.05; 3]);
+            known.truncate(6);
+            for (k, known) in known.iter_mut().enumerate() {
+                known.noise = Noise::Sigmas(match (k + seed as usize) % 4 {
+                    0 => [0.05, UNKNOWN, UNKNOWN],
+                    1 => [UNKNOWN, 0.05, UNKNOWN],
+                    2 => [0.05, 0.05, UNKNOWN],
+                    _ => [UNKNOWN, UNKNOWN, 0.01],
+                });
+            }
+            let problem = problem.with_pose_priors(&known).unwrap();
+            solve(&problem, &SolveOptions::default(), None).unwrap()
+        });
+        let [near, far] = &found;
+        let costs = [near.cost, far.cost];
+        assert!(
+            (costs[1] / costs[0] - 1.0).abs() < 1e-4,
+            "{seed}: {costs:?}"
+        );
+        assert_eq!(near.undetermined, far.undetermined, "{seed}");
+    }
+}
+
 /// Rays of two known stations that meet behind them leave their landmark without a place.
 #[test]
 fn rays_that_diverge_place_no_landmark() {
