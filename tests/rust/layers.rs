@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 45] = [
+const LAYERS: [&str; 46] = [
     "scalar",
     "float",
     "error",
@@ -47,6 +47,7 @@ const LAYERS: [&str; 45] = [
     "reconstruction/robust",
     "reconstruction/persist",
     "reconstruction/odometry",
+    "reconstruction/alternatives",
     "reconstruction/solve",
     "diagnosis/options",
     "diagnosis/finding",
