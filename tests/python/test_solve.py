@@ -239,7 +239,7 @@ def test_turning_a_view_changes_its_heading_alone(seed, turns):
 
 def turned(result, turns):
     poses = result.poses.copy()
-    poses[:, 2] += turns
+    poses[:, 2] = np.angle(np.exp(1j * (poses[:, 2] + turns)))
     return poses, result.landmarks
 
 
