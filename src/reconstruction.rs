@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps of many views without an initial guess.
 
+mod alternatives;
 mod attempt;
 mod behind;
 pub(crate) mod choice;

@@ -186,17 +186,21 @@ pub fn gauge_and_prior_numbers(problem: &Problem, map: &Map) -> (usize, usize) {
 /// The part of the gauge that odometry and priors fix, judged by their kinds alone.
 #[derive(Clone, Debug)]
 pub struct FixedByPriors {
-    /// Subjects whose position is known, at most two: two known positions fix everything.
-    points: Vec<Subject>,
+    /// Known coordinates of positions, each the direction along which it is measured; of each direction no more than
+    /// tell whether heading and scale are fixed.
+    coordinates: Vec<(Subject, Vector2<f64>)>,
     pub heading: bool,
     pub scale: bool,
 }
+
+/// Known coordinates that fix translation, rotation and scale.
+const ALL_FIXED: usize = 4;
 
 impl FixedByPriors {
     /// What odometry and priors of a problem fix.
     pub fn of(problem: &Problem) -> Self {
         let mut fixed = Self {
-            points: Vec::new(),
+            coordinates: Vec::new(),
             heading: false,
             scale: false,
         };
@@ -204,45 +208,73 @@ impl FixedByPriors {
             match prior {
                 Prior::Motion { .. } => fixed.scale = true,
                 Prior::Pose { view, root, .. } => {
-                    if root[0][0] > 0.0 || root[1][1] > 0.0 {
-                        fixed.add(Subject::View(*view));
-                    }
-                    fixed.heading |= root[2][2] > 0.0;
+                    let [x, y, heading] = root;
+                    fixed.add(Subject::View(*view), [[x[0], x[1]], [y[0], y[1]]]);
+                    fixed.heading |= heading[2] > 0.0;
                 }
-                Prior::Landmark { landmark, .. } => fixed.add(Subject::Landmark(*landmark)),
+                Prior::Landmark { landmark, root, .. } => {
+                    fixed.add(Subject::Landmark(*landmark), *root);
+                }
             }
         }
-        fixed.scale |= fixed.points.len() > 1;
-        fixed.heading |= fixed.points.len() > 1;
+        // What is known beyond the place ties the heading to the scale, or fixes both.
+        let place = fixed.place_conditions();
+        let place = place.iter().filter(|(_, known)| known.is_some()).count();
+        let beyond = fixed.coordinates.len() > place;
+        fixed.scale |= beyond;
+        fixed.heading |= beyond;
         fixed
     }
 
     /// Whether heading and scale are fixed, and no position is.
     pub fn leaves_translation_only(&self) -> bool {
-        self.points.is_empty() && self.heading && self.scale
+        self.coordinates.is_empty() && self.heading && self.scale
     }
 
-    /// Whether a position is fixed.
+    /// Whether the translation is fixed.
     pub fn place(&self) -> bool {
-        !self.points.is_empty()
+        let mut conditions = self.place_conditions().into_iter();
+        conditions.all(|(_, known)| known.is_some())
     }
 
-    fn add(&mut self, subject: Subject) {
-        if self.points.len() < 2 && !self.points.contains(&subject) {
-            self.points.push(subject);
+    /// Adds what the root of a prior's information knows of the position of a subject.
+    fn add(&mut self, subject: Subject, root: [[f64; 2]; 2]) {
+        for row in root.map(Vector2::from) {
+            let norm = row.norm();
+            if !(norm > 0.0) {
+                continue;
+            }
+            let direction = row / norm;
+            let mut own = self.coordinates.iter().filter(|(of, _)| *of == subject);
+            let is_told = own.clone().count() == 2 || own.any(|(_, d)| are_parallel(d, &direction));
+            let mut all = self.coordinates.iter();
+            let is_new = all.all(|(_, d)| are_parallel(d, &direction));
+            if !is_told && (is_new || self.coordinates.len() < ALL_FIXED) {
+                self.coordinates.push((subject, direction));
+            }
         }
+    }
+
+    /// Two directions that fix the translation, along each of which that subject stays where it is, or, where none is
+    /// known, the first view is at zero.
+    fn place_conditions(&self) -> [(Vector2<f64>, Option<Subject>); 2] {
+        let Some((subject, direction)) = self.coordinates.first() else {
+            return [(Vector2::x(), None), (Vector2::y(), None)];
+        };
+        let mut others = self.coordinates.iter();
+        let second = match others.find(|(_, other)| !are_parallel(other, direction)) {
+            Some((subject, other)) => (*other, Some(*subject)),
+            None => (Vector2::new(-direction.y, direction.x), None),
+        };
+        [(*direction, Some(*subject)), second]
     }
 
     /// The similarity that brings a map into the frame in which it is reported: as far as the gauge is not
     /// fixed, the first view is at the origin with heading 0, and the root-mean-square distance of the other
-    /// views from it is 1. `None` when the views are in one place.
+    /// views from it is 1. Where one coordinate is known, the first view is at zero along the other. `None` when the
+    /// views are in one place.
     pub fn frame(&self, bundle: &Bundle) -> Option<Similarity2<f64>> {
         let first = bundle.poses.first()?;
-        let pivot = match self.points.first() {
-            None => first.translation.vector,
-            Some(Subject::View(view)) => bundle.poses[*view].translation.vector,
-            Some(Subject::Landmark(landmark)) => bundle.landmarks[*landmark].coords,
-        };
         let scale = if self.scale {
             1.0
         } else {
@@ -260,12 +292,26 @@ impl FixedByPriors {
         } else {
             first.rotation.inverse()
         };
-        let target = if self.points.is_empty() {
-            Vector2::zeros()
-        } else {
-            pivot
-        };
-        let shift = target - rotation * pivot * scale;
+        let conditions = self.place_conditions();
+        let shifts = conditions.map(|(direction, known)| {
+            let (from, to) = match known {
+                None => (first.translation.vector, Vector2::zeros()),
+                Some(Subject::View(view)) => {
+                    let position = bundle.poses[view].translation.vector;
+                    (position, position)
+                }
+                Some(Subject::Landmark(landmark)) => {
+                    let position = bundle.landmarks[landmark].coords;
+                    (position, position)
+                }
+            };
+            direction.dot(&(to - rotation * from * scale))
+        });
+        let [a, b] = conditions.map(|(direction, _)| direction);
+        let shift = Vector2::new(
+            b.y * shifts[0] - a.y * shifts[1],
+            a.x * shifts[1] - b.x * shifts[0],
+        ) / a.perp(&b);
         Some(Similarity2::from_parts(
             Translation2::from(shift),
             rotation,
@@ -276,17 +322,19 @@ impl FixedByPriors {
     /// The constraints that define this frame to first order, each as a row over all parameters.
     pub fn constraints(&self, bundle: &Bundle) -> Vec<Vec<f64>> {
         let size = 3 * bundle.poses.len() + 2 * bundle.landmarks.len();
-        let unit = |parameter: usize| {
+        let of_first = |entries: [f64; 3]| {
             let mut row = vec![0.0; size];
-            row[parameter] = 1.0;
+            row[..3].copy_from_slice(&entries);
             row
         };
         let mut rows = Vec::new();
-        if self.points.is_empty() {
-            rows.extend([unit(0), unit(1)]);
+        for (direction, known) in self.place_conditions() {
+            if known.is_none() {
+                rows.push(of_first([direction.x, direction.y, 0.0]));
+            }
         }
         if !self.heading {
-            rows.push(unit(2));
+            rows.push(of_first([0.0, 0.0, 1.0]));
         }
         if !self.scale {
             let mut row = vec![0.0; size];
@@ -302,6 +350,11 @@ impl FixedByPriors {
         }
         rows
     }
+}
+
+/// Whether two directions are the same up to rounding.
+fn are_parallel(a: &Vector2<f64>, b: &Vector2<f64>) -> bool {
+    a.perp(b).abs() <= UNCHANGED
 }
 
 #[cfg(test)]
@@ -330,6 +383,11 @@ mod tests {
             pose: bundle.poses[1],
             noise: Noise::Sigmas(sigmas),
         };
+        let coordinate = |view: usize, sigmas| PosePrior {
+            view,
+            pose: bundle.poses[view],
+            noise: Noise::Sigmas(sigmas),
+        };
         let motion = Odometry {
             start: 0,
             end: 1,
@@ -345,6 +403,16 @@ mod tests {
             alone().with_pose_priors(&[posed([0.1; 3])]),
             alone().with_odometry(&[motion]),
             alone().with_landmark_priors(&[known(0), known(1)]),
+            // One coordinate of one view, of all, and one of each of two.
+            alone().with_pose_priors(&[posed([free, 0.1, free])]),
+            alone().with_pose_priors(&[0, 1, 2].map(|view| coordinate(view, [free, 0.1, free]))),
+            alone().with_odometry(&[motion]).and_then(|p| {
+                p.with_pose_priors(&[0, 2].map(|view| coordinate(view, [0.1, free, 0.1])))
+            }),
+            alone().with_pose_priors(&[
+                coordinate(0, [0.1, free, free]),
+                coordinate(2, [free, 0.1, free]),
+            ]),
         ];
         (bundle.clone(), problems.map(Result::unwrap).to_vec())
     }
@@ -429,16 +497,21 @@ mod tests {
                 (framed.poses[0].rotation.angle() - heading).abs() < 1e-12,
                 "{case}"
             );
-            match fixed.points.first() {
-                None => assert!(place(0).norm() < 1e-12),
-                Some(Subject::View(view)) => {
-                    assert!((place(*view) - bundle.poses[*view].translation.vector).norm() < 1e-12);
-                }
-                Some(Subject::Landmark(landmark)) => {
-                    assert!(
-                        (framed.landmarks[*landmark] - bundle.landmarks[*landmark]).norm() < 1e-12
-                    );
-                }
+            let position = |bundle: &Bundle, subject: Subject| match subject {
+                Subject::View(view) => bundle.poses[view].translation.vector,
+                Subject::Landmark(landmark) => bundle.landmarks[landmark].coords,
+            };
+            for (direction, known) in fixed.place_conditions() {
+                let off = match known {
+                    None => place(0),
+                    Some(subject) => position(&framed, subject) - position(&bundle, subject),
+                };
+                assert!(off.dot(&direction).abs() < 1e-12, "{case}: {off}");
+            }
+            // What odometry and priors say of the map before they say of this one.
+            for prior in problem.priors() {
+                let square = linearize(prior, &framed.poses, &framed.landmarks).square();
+                assert!(square < 1e-20, "{case}: {square}");
             }
         }
         let mut still = bundle.clone();

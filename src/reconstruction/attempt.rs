@@ -54,35 +54,55 @@ pub fn converged(
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     let sizes = options.stages.incremental.far_sizes;
-    let options = &options.refine;
     loop {
         let stuck = found.termination == Termination::NoProgress;
-        let left = options.max_iterations.saturating_sub(found.iterations);
-        if !(stuck || found.termination == Termination::MaxIterations) || left == 0 {
+        if !(stuck || found.termination == Termination::MaxIterations) {
             return Ok(found);
         }
-        let further = RefineOptions {
-            max_iterations: left,
-            ..*options
-        };
-        let mut map = with_landmarks_at_infinity(problem, &found, sizes);
-        let used = found.iterations;
-        let mut observer =
-            |done, _| report_progress(progress, "refine", used + done, options.max_iterations);
-        let Some(report) = attempt(problem, &mut map, &further, Some(&mut observer))? else {
+        let start = with_landmarks_at_infinity(problem, &found, sizes);
+        let Some(mut refined) = further(problem, &found, start, options, progress)? else {
             return Ok(found);
         };
-        let mut refined = Reconstruction::new(problem, &map, report);
         let lower = refined.cost < found.cost * SAME_COST;
         let higher = found.cost < refined.cost * SAME_COST;
         if higher || (stuck && !lower) {
             return Ok(found);
         }
-        refined.iterations += used;
         refined.alternatives = core::mem::take(&mut found.alternatives);
         refined.attach(core::mem::take(&mut found.components));
         found = refined;
     }
+}
+
+/// What is left of the iterations of a map, from a start near it, without its alternatives and components; `None` when
+/// nothing is left or the start cannot be refined.
+///
+/// # Errors
+/// Those that stop everything, as [`recoverable`].
+pub fn further(
+    problem: &Problem,
+    found: &Reconstruction,
+    mut start: Map,
+    options: &SolveOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Reconstruction>, Error> {
+    let refine = &options.refine;
+    let used = found.iterations;
+    let left = refine.max_iterations.saturating_sub(used);
+    if left == 0 {
+        return Ok(None);
+    }
+    let further = RefineOptions {
+        max_iterations: left,
+        ..*refine
+    };
+    let mut observer =
+        |done, _| report_progress(progress, "refine", used + done, refine.max_iterations);
+    let report = attempt(problem, &mut start, &further, Some(&mut observer))?;
+    Ok(report.map(|mut report| {
+        report.iterations += used;
+        Reconstruction::new(problem, &start, report)
+    }))
 }
 
 #[cfg(test)]

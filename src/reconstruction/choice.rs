@@ -10,7 +10,7 @@ use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::Loss;
-use crate::problem::{Map, Problem};
+use crate::problem::{Map, Problem, Undetermined, Why};
 use alloc::vec::Vec;
 
 /// Costs whose ratio is closer to 1 than this belong to the same minimum. Not an option: refinements to the same
@@ -114,8 +114,6 @@ pub fn choose(
     found: Vec<Reconstruction>,
     options: &JudgeOptions,
 ) -> Result<Reconstruction, Error> {
-    let ratio = options.rival_ratio;
-    let rounding = rounding(mean_weight(problem));
     let prices = prices(problem, &found, options);
     let mut ranked: Vec<(f64, Reconstruction)> = prices.into_iter().zip(found).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -125,25 +123,36 @@ pub fn choose(
         value: 0.0,
         bound: 1.0,
     })?;
-    let least = variance(&best);
+    add_rivals(problem, &mut best, found, options);
+    Ok(best)
+}
+
+/// Adds to the alternatives of a map those of some others that explain as much nearly as well, each minimum once.
+pub fn add_rivals(
+    problem: &Problem,
+    best: &mut Reconstruction,
+    found: impl Iterator<Item = Reconstruction>,
+    options: &JudgeOptions,
+) {
+    let ratio = options.rival_ratio;
+    let rounding = rounding(mean_weight(problem));
+    let least = variance(best);
     for rival in found {
-        let known = core::iter::once(&best).chain(&best.alternatives);
+        let mut known = core::iter::once(&*best).chain(&best.alternatives);
         if is_as_good(variance(&rival), least, ratio, rounding)
-            && missing(&rival) == missing(&best)
-            && known
-                .into_iter()
-                .all(|other| !same(&rival.map, &other.map, options))
+            && missing(&rival) == missing(best)
+            && known.all(|other| !same(&rival.map, &other.map, options))
         {
             best.alternatives.push(rival);
         }
     }
     best.alternatives.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    Ok(best)
 }
 
-/// Views and landmarks that a map does not reach.
+/// Views and landmarks that a map does not reach; the bearings of those at infinity count.
 fn missing(found: &Reconstruction) -> usize {
-    found.undetermined.len()
+    let unreached = |one: &&Undetermined| one.why != Why::AtInfinity;
+    found.undetermined.iter().filter(unreached).count()
 }
 
 #[cfg(test)]
@@ -330,12 +339,19 @@ mod tests {
             rival
         };
         let mut part = rival(1.2, 0.7);
-        part.undetermined.push(crate::problem::Undetermined {
+        part.undetermined.push(Undetermined {
             subject: crate::problem::Subject::Landmark(3),
-            why: crate::problem::Why::AtInfinity,
+            why: Why::Degenerate,
+        });
+        // Its bearings count.
+        let mut at_infinity = rival(2.5, 0.9);
+        at_infinity.undetermined.push(Undetermined {
+            subject: crate::problem::Subject::Landmark(3),
+            why: Why::AtInfinity,
         });
         let found = Vec::from([
             rival(3.0, 0.1),
+            at_infinity,
             rival(2.0, 0.5),
             part,
             best.clone(),
@@ -347,7 +363,9 @@ mod tests {
             .iter()
             .map(|a| a.cost / best.cost)
             .collect();
-        assert_eq!(costs.len(), 2);
-        assert!((costs[0] - 2.0).abs() < 1e-9 && (costs[1] - 3.0).abs() < 1e-9);
+        assert_eq!(costs.len(), 3);
+        for (cost, expected) in costs.iter().zip([2.0, 2.5, 3.0]) {
+            assert!((cost - expected).abs() < 1e-9, "{costs:?}");
+        }
     }
 }

@@ -13,7 +13,8 @@ use core::fmt;
 /// A map, how well it explains the bearings, and its rivals.
 ///
 /// Gauge: the first determined view is at the origin with heading 0, and the root-mean-square
-/// distance of the other views from it is 1.
+/// distance of the other views from it is 1, except for what odometry and priors determine. Where they know
+/// positions along one direction only, as on a lane, the first determined view is at 0 along the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reconstruction {
     /// Poses and landmarks; `None` where undetermined.

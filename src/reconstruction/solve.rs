@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The public functions: `initialize` for a first map, `refine` for a given start, `solve` for the best map.
 
+use super::alternatives::with_settled_alternatives;
 use super::choice::choose;
 use super::collapsed::{drop_collapsed_alternatives, refuse_collapsed};
 use super::home::{brought_back, home};
@@ -154,6 +155,9 @@ pub fn solve(
     } else {
         persist::solve(problem, options, &mut progress)?
     };
+    if !options.robust {
+        best = with_settled_alternatives(problem, best, options, &mut progress)?;
+    }
     drop_collapsed_alternatives(problem, &mut best, judge);
     Ok(best)
 }

@@ -173,7 +173,7 @@ impl Transformation {
             Frame::FirstView => FixedByPriors::of(problem).constraints(bundle),
             Frame::FreeNetwork | Frame::Priors => Vec::new(),
         };
-        // Where priors fix only part of a position, the frame of the first view does not exist.
+        // Where priors tie the heading to the scale, the frame of the first view does not exist.
         if constraints.len() != gauge.len() {
             constraints = inner_constraints(gauge, views);
         }

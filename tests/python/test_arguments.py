@@ -147,7 +147,7 @@ TABLE = [
     (lambda: bearslam.simulate("mixed", 4, 2.0, noise=0.1, seed=0), "landmarks: expected an integer, got 2.0"),
     (
         lambda: bearslam.simulate("mixed", 4, 9, noise=-0.1, seed=0),
-        "noise: expected a number of at least 0 and at most 6.28319, got -0.1",
+        "noise: expected a number of at least 0 and at most 3.14159, got -0.1",
     ),
     (lambda: bearslam.simulate("mixed", 4, 9, noise=0.1, seed=None), "seed: expected an integer, got None"),
     (

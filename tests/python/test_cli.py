@@ -263,6 +263,9 @@ def test_a_bad_line_on_standard_input_has_its_number():
     assert done.stdout == b""
 
 
+HALF_A_TURN = "expected a number of at least 0 and at most 180"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -286,7 +289,9 @@ def test_a_bad_line_on_standard_input_has_its_number():
         (["demo", "-o", "scene.csv"], "scene.csv: File exists"),
         (["solve", "strange.csv"], "strange.csv:1: expected a header of view,"),
         (["simulate", "mixed", "0", "9"], "views: expected an integer from 1"),
-        (["simulate", "mixed", "4", "9", "--noise-deg", "-1"], "noise: expected a number of at least 0"),
+        (["simulate", "mixed", "4", "9", "--noise-deg", "-1"], "--noise-deg: expected a number of at least 0"),
+        (["simulate", "mixed", "4", "9", "--noise-deg", "200"], f"--noise-deg: {HALF_A_TURN}, got 200"),
+        (["sweep", "mixed", "--noise-deg", "200"], f"--noise-deg: {HALF_A_TURN}, got 200"),
         (["simulate", "mixed", "4", "9", "-o", "scene.json"], "path: expected a name that ends in .csv"),
     ],
 )

@@ -43,8 +43,17 @@ def covariances(draw, size):
 def noises(draw, count, size, unknown=False):
     if draw(st.booleans()):
         each = positive | st.just(math.inf) if unknown else positive
-        return np.array(draw(rows(count, size, each)))
+        deviations = np.array(draw(rows(count, size, each)))
+        if size == 3:
+            heading = deviations[:, 2]
+            heading[np.isfinite(heading)] = np.minimum(heading[np.isfinite(heading)], math.pi)
+        return deviations
     matrices = np.array([draw(covariances(size)) for _ in range(count)])
+    if size == 3:
+        # The heading has at most half a turn.
+        scale = np.minimum(1, 3 / np.sqrt(matrices[:, 2:, 2:]))
+        matrices[:, 2:] *= scale
+        matrices[:, :, 2:] *= scale
     skewed = matrices[:, ~np.eye(size, dtype=bool)].any()
     return matrices if skewed else np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
 
@@ -80,7 +89,7 @@ def problems(draw):
     if count := draw(st.integers(0, 3)):
         which = draw(st.lists(st.integers(0, n - 1), min_size=count, max_size=count))
         known["landmark_priors"] = LandmarkPriors(which, draw(rows(count, 2)), draw(noises(count, 2)))
-    places = draw(rows(m, 3)), draw(rows(n, 2))
+    places = draw(poses(m)), draw(rows(n, 2))
     lost = [np.array(draw(st.lists(st.booleans(), min_size=count, max_size=count))) for count in (m, n)]
     if not all(one.all() for one in lost):
         start = [np.where(gone[:, None], np.nan, place) for gone, place in zip(lost, places, strict=True)]

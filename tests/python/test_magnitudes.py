@@ -18,7 +18,7 @@ DATA = [
     ("landmark priors: position", {"landmark_priors": lambda x: LandmarkPriors([0, 1], [[0, 0], [x, 0]], 0.1)}),
 ]
 SIGMAS = [
-    ("odometry: sigma", {"odometry": lambda s: Odometry([0, 1], [1, 2], np.eye(2, 3), [[0.1] * 3, [0.1, 0.1, s]])}),
+    ("odometry: sigma", {"odometry": lambda s: Odometry([0, 1], [1, 2], np.eye(2, 3), [[0.1] * 3, [0.1, s, 0.1]])}),
     (
         "pose priors: sigma",
         {"pose_priors": lambda s: PosePriors([0, 1], np.eye(2, 3), [np.eye(3), np.diag([1.0, s * s, 1.0])])},
@@ -64,6 +64,7 @@ def test_given_maps_are_in_the_range_but_may_be_near_zero():
 
 
 DEGREES = np.degrees(SCENE.bearings)
+HEADED = SCENE.poses * [1, 1, 0] + [0, 0, 1] * np.array([[0.0], [120.0], [0.0], [80.0]])
 
 
 @pytest.mark.parametrize(
@@ -81,6 +82,14 @@ DEGREES = np.degrees(SCENE.bearings)
         ("bearings", lambda: bearslam.resect(SCENE.landmarks, DEGREES)),
         (r"delta\[1, 2\]", lambda: Odometry([0, 1], [1, 2], [[1, 0, 0.1], [1, 0, -90]], [0.1, 0.1, 0.1])),
         (r"pose\[0, 2\]", lambda: PosePriors([0], [[1, 0, 90]], [np.inf, np.inf, 0.02])),
+        (r"poses\[1, 2\]", lambda: bearslam.triangulate(HEADED, SCENE.bearings)),
+        (r"start: poses\[1, 2\]", lambda: bearslam.refine(SCENE.bearings, (HEADED, SCENE.landmarks))),
+        (r"reconstruction: poses\[1, 2\]", lambda: bearslam.diagnose(SCENE.bearings, (HEADED, SCENE.landmarks))),
+        (
+            r"start: poses\[1, 2\]",
+            lambda: bearslam.Problem(SCENE.sightings, "abcd", "efghijklm", start=(HEADED, SCENE.landmarks)),
+        ),
+        (r"poses\[1, 2\]", lambda: bearslam.Similarity(1.0, 0.0, np.zeros(2)).apply_poses(HEADED)),
     ],
 )
 def test_degrees_are_refused(name, call):
@@ -92,10 +101,41 @@ def test_a_whole_turn_is_allowed():
     turned = np.where(SCENE.bearings < 0, SCENE.bearings + 2 * np.pi, SCENE.bearings)
     assert bearslam.refine(turned, SCENE).cost == pytest.approx(bearslam.refine(SCENE.bearings, SCENE).cost)
     Odometry([0], [1], [[1, 0, -2 * np.pi]], [0.1, 0.1, 0.1])
+    poses = SCENE.poses + np.where(SCENE.poses[:, 2:] < 0, [0, 0, 2 * np.pi], 0)
+    np.testing.assert_allclose(
+        bearslam.triangulate(poses, SCENE.bearings), bearslam.triangulate(SCENE.poses, SCENE.bearings)
+    )
 
 
 @pytest.mark.parametrize(
-    "line", ["EDGE_SE2 0 1 1 0 90 1 0 0 1 0 1", "EDGE_PRIOR_SE2 0 1 0 90 1 0 0 1 0 1", "EDGE_BEARING_SE2_XY 0 9 90 100"]
+    ("name", "call"),
+    [
+        (r"sigma\[2\]: expected radians", lambda: Odometry([0], [1], [[1, 0, 0]], [0.1, 0.1, 5])),
+        (r"sigma\[1, 2\]: expected radians", lambda: PosePriors([0, 1], np.zeros((2, 3)), [[1, 1, np.inf], [1, 1, 5]])),
+        (
+            r"sigma\[0, 2, 2\]: expected at most the variance",
+            lambda: PosePriors([0], [[0, 0, 0]], np.diag([1, 1, 25.0])[None]),
+        ),
+        (r"sigma\[2\]: expected radians", lambda: SCENE.odometry([0.1, 0.1, 5], seed=1)),
+    ],
+)
+def test_deviations_of_headings_in_degrees_are_refused(name, call):
+    with pytest.raises(InvalidInputError, match=rf"^{name}.* half a turn.*, got \d+: degrees\?"):
+        call()
+
+
+def test_half_a_turn_and_nothing_known_are_allowed():
+    PosePriors([0, 1], np.zeros((2, 3)), [[500, 1, np.pi], [1, 1, np.inf]])
+    Odometry([0], [1], [[1, 0, 0]], np.diag([100, 100, 9.8])[None])
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "EDGE_SE2 0 1 1 0 90 1 0 0 1 0 1",
+        "EDGE_PRIOR_SE2 0 1 0 90 1 0 0 1 0 1",
+        "EDGE_BEARING_SE2_XY 0 9 90 100",
+    ],
 )
 def test_degrees_in_a_graph_are_refused_by_line(line):
     text = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 0 0 0\n{line}\n".encode()
@@ -105,7 +145,30 @@ def test_degrees_in_a_graph_are_refused_by_line(line):
         bearslam.load(io.BytesIO(text), format="g2o")
 
 
-def test_a_start_of_a_graph_may_have_turned_often():
+def test_a_vertex_of_a_graph_may_have_turned_often():
     text = b"VERTEX_SE2 0 1 2 20\nFIX 0\nVERTEX_XY 1 3 3\nEDGE_BEARING_SE2_XY 0 1 0.5 100\n"
     problem = bearslam.load(io.BytesIO(text), format="g2o")
     np.testing.assert_allclose(problem.known_poses().pose, [[1, 2, 20 - 6 * np.pi]])
+
+
+@pytest.mark.parametrize(
+    "line", ["EDGE_SE2 0 1 1 0 0 1 0 0 1 0 0.04", "EDGE_PRIOR_SE2 0 1 0 0 1 0.1 0 1 0 0.04"]
+)
+def test_deviations_in_degrees_in_a_graph_are_refused_by_line(line):
+    text = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 0 0 0\n{line}\n".encode()
+    with pytest.raises(InvalidInputError, match=r":3: expected a heading with a standard deviation .*, got 5: degrees"):
+        bearslam.load(io.BytesIO(text), format="g2o")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("map.csv", "kind,id,x,y,theta\nview,0,1,2,90\n"),
+        ("map.json", '{"views": [{"id": 0, "x": 1, "y": 2, "theta": 90}], "landmarks": []}'),
+    ],
+)
+def test_degrees_in_a_map_are_refused(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(InvalidInputError, match=r"expected a heading in radians within one turn, got 90: degrees\?"):
+        bearslam.load_truth(path, SCENE.bearings)

@@ -160,7 +160,7 @@ def test_all_that_a_problem_can_have_is_used():
     assert np.abs(one.poses[[0, 2]] - scene.poses[[0, 2]]).max() < 1e-4  # fixed
     refined = bearslam.refine(problem)
     assert refined.cost == pytest.approx(one.cost, rel=1e-6)
-    alone = bearslam.solve(problem, odometry=bearslam.Odometry([0], [1], [[1, 0, 0]], [100, 100, 100]))
+    alone = bearslam.solve(problem, odometry=bearslam.Odometry([0], [1], [[1, 0, 0]], [100, 100, 3]))
     assert len(alone.odometry) == 1
     assert len(bearslam.initialize(problem).poses) == 5
     assert problem.bearings_only().odometry is None

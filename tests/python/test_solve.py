@@ -206,6 +206,28 @@ def test_a_signal_ends_a_long_solve():
         signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.parametrize(
+    ("layout", "views", "landmarks", "noise", "seed"),
+    [
+        ("mixed", 6, 7, 0.01, 21),
+        ("mixed", 6, 7, 0.04, 21),
+        ("mixed", 8, 7, 0.01, 59),
+        ("enclosed", 10, 6, 0.01, 10),
+        ("enclosed", 5, 8, 0.04, 22),
+    ],
+)
+def test_alternatives_are_minima_of_their_own(layout, views, landmarks, noise, seed):
+    scene = bearslam.simulate(layout, views, landmarks, noise=noise, seed=seed, sight=4.0)
+    found = bearslam.solve(scene.bearings, sigma=noise)
+    for rival in found.alternatives:
+        assert rival.converged
+        assert rival.cost > found.cost * (1 - 1e-6)
+        assert np.abs(rival.poses - found.poses).max() > 0.005
+        if not rival.undetermined:  # what is at infinity has no place to start from
+            again = bearslam.refine(scene.bearings, rival, sigma=noise)
+            assert again.cost == pytest.approx(rival.cost, rel=1e-5)
+
+
 @given(seeds, st.lists(st.floats(-6, 6), min_size=4, max_size=4))
 def test_turning_a_view_changes_its_heading_alone(seed, turns):
     scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=seed)
@@ -217,7 +239,7 @@ def test_turning_a_view_changes_its_heading_alone(seed, turns):
 
 def turned(result, turns):
     poses = result.poses.copy()
-    poses[:, 2] += turns
+    poses[:, 2] = np.angle(np.exp(1j * (poses[:, 2] + turns)))
     return poses, result.landmarks
 
 

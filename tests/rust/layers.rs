@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 46] = [
+const LAYERS: [&str; 47] = [
     "scalar",
     "float",
     "error",
@@ -48,6 +48,7 @@ const LAYERS: [&str; 46] = [
     "reconstruction/persist",
     "reconstruction/odometry",
     "reconstruction/home",
+    "reconstruction/alternatives",
     "reconstruction/solve",
     "diagnosis/options",
     "diagnosis/finding",

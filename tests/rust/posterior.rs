@@ -7,7 +7,7 @@ use bearslam::{
     Problem, RefineOptions, Scene, Sighting, SolveOptions, covariance, pose, refine, simulate,
     solve,
 };
-use nalgebra::{Matrix3, Point2, Vector3};
+use nalgebra::{Matrix3, Point2, Similarity2, Vector2, Vector3};
 
 const NOISE: f64 = 0.009;
 const SIGMAS: [f64; 3] = [0.02, 0.02, 0.01];
@@ -578,6 +578,55 @@ fn a_free_direction_has_infinite_variance_and_the_rest_its_own() {
         matches!(error, Error::Degenerate { value: 4.0, .. }),
         "{error}"
     );
+}
+
+/// Where one coordinate of the positions is known, the first view is at zero along the other, and the map shifted along it
+/// is no alternative.
+#[test]
+fn a_map_on_a_lane_is_no_rival_of_itself() {
+    for (seed, along) in (0..10).flat_map(|seed| [(seed, 0), (seed, 1)]) {
+        let scene = simulate(Layout::Mixed, 8, 12, 0.005, seed, Arena::default()).unwrap();
+        let mut sigmas = [0.05, 0.05, f64::INFINITY];
+        sigmas[along] = f64::INFINITY;
+        let poses = scene.poses.iter().enumerate();
+        let priors: Vec<_> = poses
+            .map(|(view, &pose)| PosePrior {
+                view,
+                pose,
+                noise: Noise::Sigmas(sigmas),
+            })
+            .collect();
+        let odometry = scene.odometry([0.05, 0.05, 0.02], seed).unwrap();
+        let problem = Problem::dense(8, 12, &scene.bearings, 0.005).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let problem = problem.with_pose_priors(&priors).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let first = found.map.poses[0].unwrap().translation.vector;
+        assert!(first[along].abs() < 1e-12, "{seed} {along}: {first}");
+        let truth = scene.poses[0].translation.vector[1 - along];
+        assert!((first[1 - along] - truth).abs() < 0.2, "{seed}: {first}");
+        for rival in &found.alternatives {
+            let cost = rival.cost;
+            assert!(
+                cost > found.cost * 1.001,
+                "{seed} {along}: {cost} {}",
+                found.cost
+            );
+        }
+        // A start that is shifted along it leads to the same map.
+        let shift = Vector2::from_fn(|k, _| if k == along { 3.0 } else { 0.0 });
+        let shifted = found.map.transformed(&Similarity2::new(shift, 0.0, 1.0));
+        let again = refine(&problem, &shifted, &RefineOptions::default(), None).unwrap();
+        let position = again.map.landmarks[3].unwrap() - found.map.landmarks[3].unwrap();
+        assert!(position.norm() < 1e-6, "{seed} {along}: {position}");
+        let frame = Frame::FirstView;
+        let covariance = covariance(&problem, &found.map, Loss::Squared, frame, None).unwrap();
+        let variances = covariance.poses[0].unwrap().diagonal();
+        assert!(
+            variances[along] < 1e-12 && variances[1 - along] > 1e-6,
+            "{variances}"
+        );
+    }
 }
 
 /// Three views have two maps modulo pi, and loose odometry does not tell which is right.

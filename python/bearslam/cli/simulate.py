@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 from bearslam.cli.console import same_file, writable
+from bearslam.data.checks import real
 from bearslam.errors import InvalidInputError
 from bearslam.io.endings import TRUTHS
 from bearslam.io.files import save, save_truth
@@ -61,7 +62,7 @@ def _run(options: argparse.Namespace) -> None:
         options.layout,
         options.views,
         options.landmarks,
-        noise=math.radians(options.noise_deg),
+        noise=math.radians(real("--noise-deg", options.noise_deg, 0.0, 180.0)),
         seed=options.seed,
         width=options.width,
         height=options.height,

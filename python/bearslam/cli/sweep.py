@@ -14,7 +14,7 @@ from typing import Any, cast
 
 from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.report import columns
-from bearslam.data.checks import whole
+from bearslam.data.checks import real, whole
 from bearslam.errors import ExecutorError, InvalidInputError
 from bearslam.montecarlo.files import RESULTS
 from bearslam.montecarlo.grid import STARTS
@@ -134,7 +134,7 @@ def _run(options: argparse.Namespace) -> int:
                 options.layouts,
                 options.views,
                 options.landmarks,
-                [math.radians(noise) for noise in options.noise_deg],
+                [math.radians(real("--noise-deg", noise, 0.0, 180.0)) for noise in options.noise_deg],
                 trials=options.trials,
                 starts=options.starts,
                 seed=options.seed,

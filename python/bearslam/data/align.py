@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, floats
+from bearslam.data.checks import FloatArray, floats, posed
 
 __all__ = ["Similarity", "align"]
 
@@ -41,7 +41,7 @@ class Similarity:
 
     def apply_poses(self, poses: ArrayLike) -> FloatArray:
         """Poses (k, 3) transformed into the frame of the target, headings in (-pi, pi]; NaN stays NaN."""
-        array = floats("poses", poses, ("k", 3), missing=True)
+        array = posed("poses", poses, ("k", 3), missing=True)
         return np.column_stack([self.apply(array[:, :2]), wrap(array[:, 2] + self.angle)])
 
 

@@ -32,6 +32,7 @@ __all__ = [
     "instance",
     "observer",
     "plain",
+    "posed",
     "quote",
     "real",
     "whole",
@@ -87,21 +88,28 @@ def angles(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: 
     return numbers
 
 
+def posed(name: str, value: ArrayLike, shape: Sequence[int | str], *, missing: bool = False) -> FloatArray:
+    """Float64 array of poses (x, y, theta), of which no heading is beyond one turn."""
+    numbers = floats(name, value, shape, missing=missing)
+    check_turn(name, numbers, column=(2,))
+    return numbers
+
+
 def check_turn(
     name: str,
     values: ArrayLike,
     *,
     expected: str = "radians within one turn",
     turn: float = TURN,
-    column: int | None = None,
+    column: tuple[int, ...] = (),
 ) -> None:
-    """Refuse angles beyond one turn, in a column if there is one, which are most likely in degrees."""
+    """Refuse angles beyond one turn, at these last indices if there are any, which are most likely in degrees."""
     if isinstance(values, float) and abs(values) <= turn:
         return  # without an array, line by line of a file
     given = np.asarray(values)
-    beyond = np.abs(given if column is None else given[..., column]) > turn
+    beyond = np.abs(given[(..., *column)]) > turn
     if beyond.any():
-        where, place = _first(beyond, () if column is None else (column,))
+        where, place = _first(beyond, column)
         raise InvalidInputError(f"{name}{place}: expected {expected}, got {given[where]:g}: degrees?")
 
 

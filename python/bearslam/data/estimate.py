@@ -55,7 +55,8 @@ class Estimate:
         alone, the first determined view is at the origin with heading 0, and the root-mean-square distance of the other
         views from it is 1 [that distance, rad]. Odometry or two known positions determine the scale, a known heading or
         two known positions the rotation, and a known position the translation; the gauge freedom that they leave is
-        removed as for bearings alone.
+        removed as for bearings alone. Where only one coordinate of positions is known, as on a lane, the first
+        determined view is at 0 along the other.
     landmarks : (n, 2) ndarray
         Positions in the same frame; NaN where undetermined.
     sightings : Sightings

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam.data.align import Similarity, align, wrap
-from bearslam.data.checks import FloatArray, floats
+from bearslam.data.checks import FloatArray, floats, posed
 from bearslam.errors import InvalidInputError
 
 __all__ = ["Errors", "HasMap", "Map", "MapLike", "compare", "pick", "register"]
@@ -59,7 +59,7 @@ class Errors:
 
 
 def pick(name: str, value: MapLike, views: int | None = None, landmarks: int | None = None) -> Map:
-    """The poses and landmarks of anything that has them, checked to be of the given size."""
+    """The poses and landmarks of anything that has them, checked to be of the given size, with headings in radians."""
     if isinstance(value, tuple):
         if len(value) != 2:
             raise InvalidInputError(f"{name}: expected (poses, landmarks), got a tuple of {len(value)}")
@@ -71,7 +71,7 @@ def pick(name: str, value: MapLike, views: int | None = None, landmarks: int | N
             got = type(value).__name__
             raise InvalidInputError(f"{name}: expected a map or (poses, landmarks), got {got}") from None
     return Map(
-        floats(f"{name}: poses", poses, ("m" if views is None else views, 3), missing=True),
+        posed(f"{name}: poses", poses, ("m" if views is None else views, 3), missing=True),
         floats(f"{name}: landmarks", points, ("n" if landmarks is None else landmarks, 2), missing=True),
     )
 

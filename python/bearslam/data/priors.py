@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bearslam.data.checks import FloatArray, IntArray, check_turn, floats, indices, plain
+from bearslam.data.checks import FloatArray, IntArray, check_turn, floats, indices, plain, posed
 from bearslam.errors import InvalidInputError
 
 __all__ = ["LandmarkPriors", "Odometry", "PosePriors", "noise", "set_read_only"]
@@ -34,13 +35,13 @@ class Odometry:
         Pose (x, y, theta) of `end` in the frame of `start`; theta within one turn [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
         Standard deviations of x, y and theta, for all motions or for each, or covariances, in the axes of the measured
-        end pose [length, rad].
+        end pose; that of theta at most pi [length, rad].
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, a motion starts and ends at the same view, a number is not finite, or a standard deviation
-        or covariance is not positive (definite).
+        If lengths differ, a motion starts and ends at the same view, a number is not finite, an angle is most likely in
+        degrees, or a standard deviation or covariance is not positive (definite).
 
     Examples
     --------
@@ -67,7 +68,7 @@ class Odometry:
             self,
             start=first,
             end=last,
-            delta=_poses("delta", delta, k),
+            delta=posed("delta", delta, (k, 3)),
             sigma=noise("sigma", sigma, k, 3),
         )
 
@@ -90,14 +91,15 @@ class PosePriors:
     pose : (k, 3) array_like of float
         Their poses (x, y, theta); theta within one turn [length, rad].
     sigma : (3,), (k, 3) or (k, 3, 3) array_like of float
-        Standard deviations of x, y and theta in the map frame, for all or for each, or covariances [length, rad]. An
-        infinite one means that nothing is known of the coordinate: ``[inf, inf, 0.02]`` is a compass.
+        Standard deviations of x, y and theta in the map frame, for all or for each, or covariances; that of theta at
+        most pi [length, rad]. An infinite one means that nothing is known of the coordinate: ``[inf, inf, 0.02]`` is a
+        compass.
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, a number is not finite (an infinite standard deviation apart), or a standard deviation or
-        covariance is not positive (definite).
+        If lengths differ, a number is not finite (an infinite standard deviation apart), an angle is most likely in
+        degrees, or a standard deviation or covariance is not positive (definite).
 
     Examples
     --------
@@ -114,7 +116,12 @@ class PosePriors:
     def __init__(self, view: ArrayLike, pose: ArrayLike, sigma: ArrayLike) -> None:
         index = indices("view", view)
         k = len(index)
-        set_read_only(self, view=index, pose=_poses("pose", pose, k), sigma=noise("sigma", sigma, k, 3, unknown=True))
+        set_read_only(
+            self,
+            view=index,
+            pose=posed("pose", pose, (k, 3)),
+            sigma=noise("sigma", sigma, k, 3, unknown=True),
+        )
 
     def __len__(self) -> int:
         return len(self.view)
@@ -185,17 +192,15 @@ def _as_many(name: str, values: IntArray, k: int, other: str) -> IntArray:
     return values
 
 
-def _poses(name: str, value: ArrayLike, k: int) -> FloatArray:
-    poses = floats(name, value, (k, 3))
-    check_turn(name, poses, column=2)
-    return poses
-
-
 def noise(name: str, value: ArrayLike, k: int, n: int, *, unknown: bool = False) -> FloatArray:
-    """Standard deviations (k, n), or covariances (k, n, n)."""
+    """Standard deviations (k, n), or covariances (k, n, n); of three numbers the last is a heading."""
     given = plain(name, value)
     if given.ndim == 3:
-        return _covariances(name, floats(name, given, (k, n, n)))
+        covariances = _covariances(name, floats(name, given, (k, n, n)))
+        if n == 3:
+            expected = "at most the variance of half a turn in radians"
+            check_turn(name, covariances, expected=expected, turn=math.pi**2, column=(2, 2))
+        return covariances
     shape: Sequence[int] = (n,) if given.ndim == 1 else (k, n)
     known = given
     if unknown and given.dtype.kind == "f":
@@ -209,6 +214,8 @@ def noise(name: str, value: ArrayLike, k: int, n: int, *, unknown: bool = False)
         raise InvalidInputError(
             f"{name}[{', '.join(map(str, where))}]: expected a number {wanted}, got {values[where]:g}"
         )
+    if n == 3:
+        check_turn(name, values, expected="radians within half a turn", turn=math.pi, column=(2,))
     if unknown and given.dtype.kind == "f":
         values = np.where(np.isposinf(given), np.inf, values)
     return np.ascontiguousarray(np.broadcast_to(values, (k, n)))

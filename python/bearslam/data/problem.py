@@ -11,8 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bearslam.data.align import wrap
-from bearslam.data.checks import TURN, FloatArray, IntArray, indices, quote
+from bearslam.data.checks import FloatArray, IntArray, indices, quote
 from bearslam.data.maps import Map, MapLike, pick
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.sightings import Offsets, Sightings
@@ -153,8 +152,6 @@ class Problem:
             return self.pose_priors
         view = np.array(self.fixed_views)
         pose, sigma = self.start.poses[view], np.full((len(view), 3), FIXED)
-        heading = pose[:, 2]
-        pose[:, 2] = np.where(np.abs(heading) > TURN, wrap(heading), heading)  # of a start it may be any
         if self.pose_priors is not None:
             given = self.pose_priors
             both = _alike(sigma, given.sigma)

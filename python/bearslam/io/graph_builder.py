@@ -64,8 +64,11 @@ class GraphBuilder:
         return f"{self.name}:{line}"
 
     def pose(self, line: int, key: str, values: tuple[float, ...]) -> None:
-        """A vertex with x, y and theta."""
-        self._vertex(self.poses, line, key, values)
+        """A vertex with x, y and theta, which may have turned often where it was integrated."""
+        x, y, heading = values
+        if abs(heading) > math.tau:
+            heading = math.remainder(heading, math.tau)
+        self._vertex(self.poses, line, key, (x, y, heading))
         self._view(line, key)
 
     def point(self, line: int, key: str, values: tuple[float, ...]) -> None:
@@ -78,6 +81,7 @@ class GraphBuilder:
         if ends[0] == ends[1]:
             raise InvalidInputError(f"{self.where(line)}: expected an edge between two poses, got {ends[0]} twice")
         self._check_heading(line, delta[2])
+        self._check_spread(line, spread)
         self._view(line, ends[0])
         self._view(line, ends[1], 1)
         self._motions.append(_Edge(line, ends, delta, spread))
@@ -120,6 +124,7 @@ class GraphBuilder:
     def pose_prior(self, line: int, key: str, pose: tuple[float, ...], spread: EdgeNoise) -> None:
         """A prior on a pose."""
         self._check_heading(line, pose[2])
+        self._check_spread(line, spread)
         self._view(line, key)
         self._pose_priors.append(_Edge(line, (key,), pose, spread))
 
@@ -251,6 +256,13 @@ class GraphBuilder:
                     f"{self.where(edge.line)}: expected a bearing with a standard deviation from {low:g} to {high:g}, "
                     f"got {value:g}"
                 )
+
+    def _check_spread(self, line: int, spread: EdgeNoise) -> None:
+        """Refuse a standard deviation of a heading beyond half a turn, unless it is infinite."""
+        deviation = math.sqrt(spread.upper()[-1]) if spread.sigma is None else spread.sigma[2]
+        if not math.isinf(deviation):
+            expected = "a heading with a standard deviation in radians within half a turn"
+            check_turn(self.where(line), deviation, expected=expected, turn=math.pi)
 
     def _stack(self, edges: list[_Edge]) -> FloatArray:
         """Standard deviations (k, n) of edges without correlations, covariances (k, n, n) of others."""

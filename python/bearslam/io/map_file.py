@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from bearslam._core import __version__
-from bearslam.data.checks import FloatArray, quote
+from bearslam.data.checks import FloatArray, check_turn, quote
 from bearslam.data.estimate import Estimate, per_sighting
 from bearslam.data.maps import HasMap
 from bearslam.errors import InvalidInputError
@@ -253,6 +253,8 @@ def _cell(column: str, cell: str, where: str) -> float:
 
 
 def _put(points: Points, name: str, values: list[float], where: str) -> None:
+    if len(values) == 3:
+        check_turn(where, values[2], expected="a heading in radians within one turn")
     if name in points:
         raise InvalidInputError(f"{where}: expected every id once, got {quote(name)} again")
     point = np.array(values)

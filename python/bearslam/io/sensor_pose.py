@@ -8,7 +8,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bearslam.data.checks import FloatArray, floats
+from bearslam.data.align import wrap
+from bearslam.data.checks import FloatArray, check_turn, floats
 from bearslam.data.maps import Map
 from bearslam.data.priors import Odometry, PosePriors
 from bearslam.data.problem import Problem
@@ -46,6 +47,7 @@ def in_sensor_frame(problem: Problem, sensor: ArrayLike) -> Problem:
     pose = floats("sensor", sensor, ("2 or 3",))
     if pose.shape not in ((2,), (3,)):
         raise InvalidInputError(f"sensor: expected x, y and, if it is rotated, theta, got {len(pose)} numbers")
+    check_turn("sensor", pose[2:], expected="a heading in radians within one turn")
     place, turn = pose[:2], float(pose[2]) if len(pose) == 3 else 0.0
     seen, offsets = problem.sightings, problem.offsets
     bearing = seen.bearing - turn
@@ -120,12 +122,11 @@ def _known(priors: PosePriors, place: FloatArray, turn: float) -> PosePriors:
 
 def _moved(poses: FloatArray, place: FloatArray, turn: float) -> FloatArray:
     """Poses of the sensor from poses of the vehicle."""
-    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    heading = poses[:, 2]
+    cosine, sine = np.cos(heading), np.sin(heading)
     x, y = place
-    moved: FloatArray = poses + np.column_stack(
-        [cosine * x - sine * y, sine * x + cosine * y, np.full(len(poses), turn)]
-    )
-    return moved
+    turned = wrap(heading + turn) if turn else heading
+    return np.column_stack([poses[:, :2] + np.column_stack([cosine * x - sine * y, sine * x + cosine * y]), turned])
 
 
 def _carried(sigma: FloatArray, jacobians: FloatArray) -> FloatArray:

@@ -69,7 +69,7 @@ class Grid:
         grid = cls(
             layout=_values("layout", layout, lambda name, value: cast("Layout", str(choice(name, value, LAYOUTS)))),
             # Minus zero equals zero, but would give other scenes.
-            noise=_values("noise", noise, lambda name, value: real(name, value, 0.0, 2 * math.pi) + 0.0),
+            noise=_values("noise", noise, lambda name, value: real(name, value, 0.0, math.pi) + 0.0),
             views=_values("views", views, lambda name, value: whole(name, value, 3)),
             landmarks=_values("landmarks", landmarks, lambda name, value: whole(name, value, 4)),
             start=_values("starts", starts, lambda name, value: cast("Start", str(choice(name, value, STARTS)))),

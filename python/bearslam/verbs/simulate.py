@@ -105,7 +105,7 @@ def simulate(
     views, landmarks : int
         Numbers of views and landmarks, at least 1.
     noise : float
-        Standard deviation of the bearings [rad].
+        Standard deviation of the bearings, at most pi [rad].
     seed : int
         The same seed gives the same scene on every machine.
     width, height : float
@@ -140,7 +140,7 @@ def simulate(
         choice("layout", layout, LAYOUTS),
         views,
         landmarks,
-        real("noise", noise, 0.0, 2 * math.pi),
+        real("noise", noise, 0.0, math.pi),
         whole("seed", seed, 0, SEED_LIMIT),
         real("width", width, 0.0, LARGEST, above=True),
         real("height", height, 0.0, LARGEST, above=True),

@@ -8,7 +8,7 @@ from typing import Literal, overload
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, angles, flag, floats, plain, real
+from bearslam.data.checks import FloatArray, angles, flag, plain, posed, real
 from bearslam.data.fix import Fix, fix_from_core
 
 __all__ = ["triangulate"]
@@ -32,7 +32,7 @@ def triangulate(
     Parameters
     ----------
     poses : (m, 3) array_like of float
-        Position and heading (x, y, theta) of each view in the map frame [length, rad]; m >= 2.
+        Position and heading (x, y, theta) of each view in the map frame, theta within one turn [length, rad]; m >= 2.
     bearings : (m,) or (m, n) array_like of float
         Direction to one landmark, or to each of n, in the frame of each view [rad]; NaN where it was not seen.
     sigma : float, default 1
@@ -49,7 +49,7 @@ def triangulate(
     Raises
     ------
     InvalidInputError
-        If shapes do not match, a number is not finite, or `sigma` is not above 0.
+        If shapes do not match, a number is not finite, an angle is most likely in degrees, or `sigma` is not above 0.
 
     References
     ----------
@@ -71,7 +71,7 @@ def triangulate(
     >>> triangulate([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]], [0.5, 0.2])
     array([nan, nan])
     """
-    known = floats("poses", poses, ("m", 3))
+    known = posed("poses", poses, ("m", 3))
     table = plain("bearings", bearings)
     single = table.ndim == 1
     directions = angles("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)

@@ -5,6 +5,7 @@
 //! with the landmarks held fixed, that of a view at each landmark that it sees. Two minima of the whole often differ in
 //! one such position and little else, and no hypothesis that is linear in the landmarks distinguishes them.
 
+use super::super::choice::size;
 use super::super::sight::filled;
 use super::options::MoveOptions;
 use crate::geometry::Pose;
@@ -65,6 +66,28 @@ pub fn moved_maps(
         map
     });
     changed.collect()
+}
+
+/// Distance over the size of the map below which a landmark is on a view: a descent leaves it there at some 1e-9.
+const ON_VIEW: f64 = 1e-6;
+
+/// The map with the landmarks that are on a view put off it along their rays; `None` where there are none.
+///
+/// On its view a landmark may be at a saddle: no short step lowers the cost, and a longer one does.
+pub fn off_views(problem: &Problem, map: &Map, options: &MoveOptions) -> Option<Map> {
+    let size = size(map);
+    let mut off = None;
+    for s in problem.sightings() {
+        let (Some(pose), Some(point)) = (map.poses[s.view], map.landmarks[s.landmark]) else {
+            continue;
+        };
+        let view = pose.translation.vector;
+        if (point.coords - view).norm() < ON_VIEW * size {
+            let place = view + ray(&pose.rotation, s) * (options.off * size);
+            off.get_or_insert_with(|| map.clone()).landmarks[s.landmark] = Some(place.into());
+        }
+    }
+    off
 }
 
 /// Landmarks on the views that see them, far out, and where their rays meet best, if `released` also without that of the
@@ -311,6 +334,30 @@ mod tests {
             moved_maps(&problem, &near, 1e-9, [20, 20], &options).len()
         };
         assert_eq!([tried(0.018), tried(0.02)], [1, 0]);
+    }
+
+    /// What is on a view is put off it along its ray, at a distance in sizes of the map; what is near one stays.
+    #[test]
+    fn landmarks_are_put_off_their_views() {
+        let options = MoveOptions::default();
+        let place = |x: f64, y: f64| Some(Point2::new(x, y));
+        let map = |on: f64, near: f64| Map {
+            poses: [(0.0, 0.0, 0.5), (4.0, 0.0, 1.0), (0.0, 4.0, 2.0)]
+                .map(|(x, y, heading)| Some(crate::geometry::pose(x, y, heading)))
+                .to_vec(),
+            landmarks: vec![place(4.0, on), place(near, 4.0), None, place(2.0, 3.0)],
+        };
+        let problem = Problem::dense(3, 4, &[0.2; 12], 0.1).unwrap();
+        assert_eq!(off_views(&problem, &map(1e-5, 1e-5), &options), None);
+        let on = map(1e-8, 1e-5);
+        let off = off_views(&problem, &on, &options).unwrap();
+        assert_eq!(
+            (&off.poses, &off.landmarks[1..]),
+            (&on.poses, &on.landmarks[1..])
+        );
+        let ray = off.landmarks[0].unwrap().coords - Vector2::new(4.0, 0.0);
+        assert!((ray.norm() - 4.0 * options.off).abs() < 1e-12);
+        assert!((ray.y.atan2(ray.x) - 1.2).abs() < 1e-9);
     }
 
     /// Where tables have gaps a landmark may leave its nearest view, and landmarks and views are tried in turns.
