@@ -209,6 +209,23 @@ fn headings_of_known_positions_are_searched() {
     }
 }
 
+/// Groups of views that share no landmark are in one frame, as the positions of all of them are known.
+#[test]
+fn headings_are_searched_for_each_group_of_known_positions() {
+    for (seed, robust) in [(0, false), (1, false), (2, false), (0, true)] {
+        let mut world = World::new(seed);
+        for group in [0.0, 20.0, 45.0] {
+            let center = Point2::new(group, 3.0);
+            world.drive(center, 5);
+            world.scatter(center, 7);
+        }
+        let problem = world.problem(|view, landmark| view / 5 == landmark / 7);
+        let known = world.known_poses([0.01, 0.01, UNKNOWN]);
+        let problem = problem.with_pose_priors(&known).unwrap();
+        world.reaches_the_truth(&problem, robust);
+    }
+}
+
 /// Known headings make positions linear, where views see too little for bearings alone.
 #[test]
 fn a_compass_places_views_that_see_four_landmarks() {

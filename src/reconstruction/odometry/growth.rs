@@ -14,6 +14,7 @@ use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
 use super::compass::map_from_headings;
 use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto};
+use super::headings::maps_from_positions;
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -95,7 +96,7 @@ pub fn grow_from_priors(
         framed: true,
     };
     growth.extend(&mut world)?;
-    growth.add_best_seed(&mut world, seeds)?;
+    growth.add_seeds(&mut world, seeds)?;
     let mut pieces = growth.pieces(&mut world)?;
     // What is in the frame of the priors stays first, so that the others are moved into it.
     pieces.sort_by_key(|piece| core::cmp::Reverse(size(&piece.map)));
@@ -170,8 +171,22 @@ impl<P: Placement> Growth<'_, '_, P> {
         Ok(true)
     }
 
-    /// Adds views of known position whose headings were searched, unless something else has placed them.
-    fn add_best_seed(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<(), Error> {
+    /// Adds views of known position by the best of some seeds, and by the best of new ones as long as these reach more:
+    /// a group of views that shares nothing with those of a seed needs a seed of its own.
+    fn add_seeds(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<(), Error> {
+        let mut added = self.add_best_seed(world, seeds)?;
+        while added {
+            let options = &self.stages.headings;
+            let (known, motions) = (&self.known, &self.motions);
+            let seeds = maps_from_positions(self.problem, known, motions, &world.map, options);
+            added = self.add_best_seed(world, &seeds)?;
+        }
+        Ok(())
+    }
+
+    /// Adds views of known position whose headings were searched, unless something else has placed them; whether it has
+    /// added any.
+    fn add_best_seed(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<bool, Error> {
         let mut best: Option<(f64, Piece)> = None;
         for map in seeds {
             let reached =
@@ -189,10 +204,11 @@ impl<P: Placement> Growth<'_, '_, P> {
                 best = Some((score, piece));
             }
         }
+        let added = best.is_some();
         if let Some((_, piece)) = best {
             *world = piece;
         }
-        Ok(())
+        Ok(added)
     }
 
     /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.

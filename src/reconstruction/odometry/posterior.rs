@@ -61,7 +61,9 @@ pub fn solve_posterior(
         progress,
         found: Vec::new(),
     };
-    let seeds = maps_from_positions(problem, &attempts.known, &stages.headings);
+    let (known, motions) = (&attempts.known, &attempts.motions);
+    let empty = Map::empty(problem.views(), problem.landmarks());
+    let seeds = maps_from_positions(problem, known, motions, &empty, &stages.headings);
     let mut starts = Vec::new();
     if options.robust {
         starts = robust_start::robust_starts(problem, &seeds, options, attempts.progress)?;
