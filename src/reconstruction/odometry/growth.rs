@@ -270,21 +270,8 @@ impl<P: Placement> Growth<'_, '_, P> {
         if !piece.framed && !self.placement.resects() {
             return None;
         }
-        let (map, known) = (&piece.map, &self.known);
-        let mut missing: Vec<(usize, usize)> = (0..map.poses.len())
-            .filter(|&view| map.poses[view].is_none())
-            .map(|view| {
-                let prior = 2 * usize::from(known.positions[view].is_some())
-                    + usize::from(known.headings[view].is_some());
-                let prior = if piece.framed { prior } else { 0 };
-                (map.connections_of_view(self.problem, view) + prior, view)
-            })
-            .collect();
-        missing.sort_by_key(|&(count, view)| (core::cmp::Reverse(count), view));
-        missing.into_iter().find_map(|(_, view)| {
-            let pose = known.locate(self.problem, map, view, &self.motions, piece.framed)?;
-            Some((view, pose))
-        })
+        let (known, motions) = (&self.known, &self.motions);
+        known.locate_next(self.problem, &piece.map, motions, piece.framed)
     }
 
     /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
