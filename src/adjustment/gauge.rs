@@ -217,11 +217,6 @@ impl FixedByPriors {
         fixed
     }
 
-    /// Whether heading and scale are fixed, and no position is.
-    pub fn leaves_translation_only(&self) -> bool {
-        self.points.is_empty() && self.heading && self.scale
-    }
-
     /// Whether a position is fixed.
     pub fn place(&self) -> bool {
         !self.points.is_empty()

@@ -379,6 +379,58 @@ fn odometry_places_what_bearings_do_not() {
     }
 }
 
+/// Robots that see little each, and some landmarks together: how many maps of theirs lack a view, or are not the right
+/// minimum.
+fn wrong_teams(compass: f64) -> (usize, usize) {
+    let (mut wrong, mut all) = (0, 0);
+    for seed in 0..60 {
+        let mut world = World::new(seed);
+        for robot in 0..3 {
+            let center = Point2::new(3.0 * f64::from(robot), world.between(-3.0, 3.0));
+            world.drive(center, 8);
+        }
+        world.scatter(Point2::new(3.0, 0.0), 12);
+        let (poses, landmarks) = (world.poses.clone(), world.landmarks.clone());
+        let range = |view: usize, landmark: usize| {
+            (poses[view].translation.vector - landmarks[landmark].coords).norm()
+        };
+        let problem = world.problem(|view, landmark| range(view, landmark) < 4.0);
+        let problem = problem.with_odometry(&world.odometry(8)).unwrap();
+        let problem = if compass.is_finite() {
+            let known = world.known_poses([UNKNOWN, UNKNOWN, compass]);
+            problem.with_pose_priors(&known).unwrap()
+        } else {
+            problem
+        };
+        // Where the truth leads to all views, and these determine it.
+        let Ok(best) = refine(&problem, &world.truth(), &RefineOptions::default(), None) else {
+            continue;
+        };
+        if best
+            .undetermined
+            .iter()
+            .any(|one| matches!(one.subject, Subject::View(_)))
+            || !(best.uncertainty < 0.05)
+        {
+            continue;
+        }
+        all += 1;
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let is_whole = found.map.poses.iter().all(Option::is_some);
+        wrong += usize::from(!(is_whole && found.cost < best.cost * (1.0 + 1e-5)));
+    }
+    (wrong, all)
+}
+
+/// Odometry gives robots their scale, and what two of them see, placed or not, how they lie.
+#[test]
+fn robots_with_odometry_that_see_the_same_are_one_map() {
+    let found = [UNKNOWN, 0.01].map(wrong_teams);
+    let [(turning, some), (shifted, others)] = found;
+    assert!(turning <= 5 && some > 50, "{found:?}");
+    assert!(shifted == 0 && others > 50, "{found:?}");
+}
+
 /// A landmark of known position is where it is known to be, however seldom it is seen.
 #[test]
 fn a_known_landmark_is_determined() {
