@@ -226,11 +226,6 @@ impl FixedByPriors {
         fixed
     }
 
-    /// Whether heading and scale are fixed, and no position is.
-    pub fn leaves_translation_only(&self) -> bool {
-        self.coordinates.is_empty() && self.heading && self.scale
-    }
-
     /// Whether the translation is fixed.
     pub fn place(&self) -> bool {
         let mut conditions = self.place_conditions().into_iter();

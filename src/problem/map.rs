@@ -245,18 +245,19 @@ impl Map {
             .map(|view| {
                 (
                     Subject::View(view),
-                    problem.of_view(view).len(),
-                    self.connections_of_view(problem, view),
+                    problem.of_view(view).len() + priors.all_numbers_of_view(view),
+                    self.connections_of_view(problem, view) + priors.numbers_of_view(self, view),
                     MIN_LANDMARKS_OF_VIEW,
                 )
             });
         let landmarks = (0..self.landmarks.len())
             .filter(|&landmark| self.landmarks[landmark].is_none())
             .map(|landmark| {
+                let known = priors.numbers_of_landmark(landmark);
                 (
                     Subject::Landmark(landmark),
-                    problem.of_landmark(landmark).len(),
-                    self.connections_of_landmark(problem, landmark),
+                    problem.of_landmark(landmark).len() + known,
+                    self.connections_of_landmark(problem, landmark) + known,
                     MIN_VIEWS_OF_LANDMARK,
                 )
             });
@@ -358,6 +359,7 @@ impl PriorsOf {
         found
     }
 
+    /// How many numbers the priors of a view and its motions from or to views of the map give.
     fn numbers_of_view(&self, map: &Map, view: usize) -> usize {
         let Some((known, others)) = self.views.get(view) else {
             return 0;
@@ -366,7 +368,47 @@ impl PriorsOf {
         known + 3 * ends.count()
     }
 
+    /// The same with all views at the other ends.
+    fn all_numbers_of_view(&self, view: usize) -> usize {
+        let own = self.views.get(view);
+        own.map_or(0, |(known, others)| known + 3 * others.len())
+    }
+
     fn numbers_of_landmark(&self, landmark: usize) -> usize {
         self.landmarks.get(landmark).copied().unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Noise, Odometry, Sighting};
+
+    /// A view lacks sightings only where its odometry and priors do not make up for them.
+    #[test]
+    fn odometry_counts_beside_sightings() {
+        let sighting = |view: usize, landmark: usize| Sighting {
+            view,
+            landmark,
+            bearing: 0.1,
+            sigma: 1.0,
+        };
+        let sightings = [
+            sighting(0, 0),
+            sighting(0, 1),
+            sighting(0, 2),
+            sighting(1, 0),
+        ];
+        let problem = Problem::new(2, 3, &sightings).unwrap();
+        let why = |problem: &Problem| Map::empty(2, 3).prune(problem)[1].why;
+        assert_eq!(why(&problem), Why::TooFewSightings { got: 1, needed: 3 });
+        let motion = Odometry {
+            start: 0,
+            end: 1,
+            delta: Pose::identity(),
+            noise: Noise::Sigmas([0.1; 3]),
+        };
+        let problem = problem.with_odometry(&[motion]).unwrap();
+        assert_eq!(why(&problem), Why::NotConnected { got: 0, needed: 3 });
     }
 }

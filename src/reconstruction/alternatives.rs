@@ -32,6 +32,9 @@ pub fn with_settled_alternatives(
     options: &SolveOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
+    if best.alternatives.is_empty() {
+        return Ok(best);
+    }
     let judge = &options.stages.judge;
     let mut maps = Vec::new();
     for rival in core::mem::take(&mut best.alternatives) {

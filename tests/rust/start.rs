@@ -209,6 +209,23 @@ fn headings_of_known_positions_are_searched() {
     }
 }
 
+/// Groups of views that share no landmark are in one frame, as the positions of all of them are known.
+#[test]
+fn headings_are_searched_for_each_group_of_known_positions() {
+    for (seed, robust) in [(0, false), (1, false), (2, false), (0, true)] {
+        let mut world = World::new(seed);
+        for group in [0.0, 20.0, 45.0] {
+            let center = Point2::new(group, 3.0);
+            world.drive(center, 5);
+            world.scatter(center, 7);
+        }
+        let problem = world.problem(|view, landmark| view / 5 == landmark / 7);
+        let known = world.known_poses([0.01, 0.01, UNKNOWN]);
+        let problem = problem.with_pose_priors(&known).unwrap();
+        world.reaches_the_truth(&problem, robust);
+    }
+}
+
 /// Known headings make positions linear, where views see too little for bearings alone.
 #[test]
 fn a_compass_places_views_that_see_four_landmarks() {
@@ -360,6 +377,58 @@ fn odometry_places_what_bearings_do_not() {
         let problem = problem.with_odometry(&spoiled).unwrap();
         world.reaches_the_truth(&problem, false);
     }
+}
+
+/// Robots that see little each, and some landmarks together: how many maps of theirs lack a view, or are not the right
+/// minimum.
+fn wrong_teams(compass: f64) -> (usize, usize) {
+    let (mut wrong, mut all) = (0, 0);
+    for seed in 0..60 {
+        let mut world = World::new(seed);
+        for robot in 0..3 {
+            let center = Point2::new(3.0 * f64::from(robot), world.between(-3.0, 3.0));
+            world.drive(center, 8);
+        }
+        world.scatter(Point2::new(3.0, 0.0), 12);
+        let (poses, landmarks) = (world.poses.clone(), world.landmarks.clone());
+        let range = |view: usize, landmark: usize| {
+            (poses[view].translation.vector - landmarks[landmark].coords).norm()
+        };
+        let problem = world.problem(|view, landmark| range(view, landmark) < 4.0);
+        let problem = problem.with_odometry(&world.odometry(8)).unwrap();
+        let problem = if compass.is_finite() {
+            let known = world.known_poses([UNKNOWN, UNKNOWN, compass]);
+            problem.with_pose_priors(&known).unwrap()
+        } else {
+            problem
+        };
+        // Where the truth leads to all views, and these determine it.
+        let Ok(best) = refine(&problem, &world.truth(), &RefineOptions::default(), None) else {
+            continue;
+        };
+        if best
+            .undetermined
+            .iter()
+            .any(|one| matches!(one.subject, Subject::View(_)))
+            || !(best.uncertainty < 0.05)
+        {
+            continue;
+        }
+        all += 1;
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let is_whole = found.map.poses.iter().all(Option::is_some);
+        wrong += usize::from(!(is_whole && found.cost < best.cost * (1.0 + 1e-5)));
+    }
+    (wrong, all)
+}
+
+/// Odometry gives robots their scale, and what two of them see, placed or not, how they lie.
+#[test]
+fn robots_with_odometry_that_see_the_same_are_one_map() {
+    let found = [UNKNOWN, 0.01].map(wrong_teams);
+    let [(turning, some), (shifted, others)] = found;
+    assert!(turning <= 5 && some > 50, "{found:?}");
+    assert!(shifted == 0 && others > 50, "{found:?}");
 }
 
 /// A landmark of known position is where it is known to be, however seldom it is seen.

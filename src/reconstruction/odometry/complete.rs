@@ -8,6 +8,9 @@ use super::known::Known;
 use crate::problem::{Map, Problem};
 
 /// Adds the views and landmarks that bearings, odometry and priors together place, however badly they fit.
+///
+/// Views that odometry or priors tell of come first, the one that most is known of next: three bearings alone may put a
+/// view far from where a motion does, and landmarks that it sees with it.
 pub fn complete(
     problem: &Problem,
     options: &IncrementalOptions,
@@ -19,16 +22,53 @@ pub fn complete(
         *place = place.or(*known);
     }
     loop {
-        place_all(problem, options, map);
-        let mut placed = false;
-        for view in 0..map.poses.len() {
-            if map.poses[view].is_none() {
-                map.poses[view] = known.locate(problem, map, view, motions, true);
-                placed |= map.poses[view].is_some();
-            }
+        while let Some((view, pose)) = known.locate_next(problem, map, motions, true) {
+            map.poses[view] = Some(pose);
         }
-        if !placed {
+        let before = map.determined().count();
+        place_all(problem, options, map);
+        if map.determined().count() == before {
             break;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::problem::{Noise, Odometry};
+    use crate::simulate::{Arena, Layout, simulate};
+    use alloc::vec::Vec;
+
+    /// Three landmarks that are a little off put a view where they see it; motions put it where it is.
+    #[test]
+    fn motions_come_before_three_landmarks() {
+        let scene = simulate(Layout::Enclosed, 6, 9, 0.0, 8, Arena::default()).unwrap();
+        let all = Problem::dense(6, 9, &scene.bearings, 0.05).unwrap();
+        let odometry = (1..6).map(|end| Odometry {
+            start: end - 1,
+            end,
+            delta: scene.poses[end - 1].inv_mul(&scene.poses[end]),
+            noise: Noise::Sigmas([0.001; 3]),
+        });
+        let problem = all.with_odometry(&odometry.collect::<Vec<_>>()).unwrap();
+        let mut map = scene.map();
+        // The last view alone is left, and three landmarks.
+        map.poses[..5].fill(None);
+        map.landmarks[3..].fill(None);
+        map.landmarks[0].as_mut().unwrap().x += 0.3;
+        let (known, motions) = (Known::of(&problem), Motions::new(&problem));
+        complete(
+            &problem,
+            &IncrementalOptions::default(),
+            &known,
+            &motions,
+            &mut map,
+        );
+        for (pose, truth) in map.poses.iter().zip(&scene.poses) {
+            let error = truth.inv_mul(&pose.unwrap());
+            assert!(error.translation.vector.norm() < 0.05, "{error}");
+        }
+        assert!(map.landmarks.iter().all(Option::is_some));
     }
 }

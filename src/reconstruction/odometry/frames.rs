@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Pieces brought into one frame: that of the priors where these fix it, otherwise by the landmarks that they share.
 
+use super::options::HeadingOptions;
 use crate::adjustment::aligned_to_priors;
 use crate::adjustment::gauge::{FixedByPriors, gauge_and_prior_numbers};
 #[cfg(not(feature = "std"))]
@@ -9,11 +10,15 @@ use crate::geometry::align;
 use crate::geometry::points::{centroid, spread};
 use crate::problem::{LandmarkPrior, Map, Noise, Problem};
 use alloc::vec::Vec;
-use nalgebra::{Point2, Similarity2, Translation2, UnitComplex};
+use core::f64::consts::TAU;
+use nalgebra::{Matrix2, Point2, Similarity2, Translation2, UnitComplex, Vector2};
 
 /// The standard deviation of a shared landmark beside priors, as a part of the size of the map that it is taken from:
 /// it only has to weigh less than a survey and more than nothing.
 const SHARED: f64 = 0.01;
+
+/// Halvings of the step of the grid of turns: to a tenth of a degree, and from there a refinement goes on.
+const BISECTIONS: usize = 6;
 
 /// The position of a landmark in the second of two pieces, and in the first.
 pub type Shared = (Point2<f64>, Point2<f64>);
@@ -52,24 +57,141 @@ pub fn in_frame_of(problem: &Problem, map: &Map, piece: &Map) -> Option<Map> {
     in_frame_of_priors(&problem, piece)
 }
 
-/// Two pieces of which odometry and priors fix all but the translation as one, the second shifted to where the landmarks that
-/// they share are in the first; `None` where they leave more free.
-pub fn shifted_onto(problem: &Problem, maps: [&Map; 2], shared: &[Shared]) -> Option<Map> {
-    let turned = maps.map(|map| {
-        let fixed = FixedByPriors::of(&map.restrict(problem));
-        fixed
-            .leaves_translation_only()
-            .then(|| aligned_to_priors(problem, map))
+/// The landmarks that views of both maps see.
+pub fn seen_by_both<'a>(
+    problem: &'a Problem,
+    maps: [&'a Map; 2],
+) -> impl Iterator<Item = usize> + 'a {
+    (0..problem.landmarks()).filter(move |&landmark| {
+        let mut maps = maps.iter();
+        maps.all(|map| map.rays(problem, landmark).next().is_some())
+    })
+}
+
+/// Two pieces of known scale as one, the second turned and shifted so that the rays of both cross at the landmarks that
+/// both see; `None` where these are too few to tell how it lies, or priors leave the scale of one free.
+///
+/// Given the turn, shift and landmarks are linear. Where priors do not tell the headings of both pieces, the turn is
+/// searched over a grid, and refined by bisection at the lowest place; one more ray than needed has to confirm it.
+pub fn crossed_with(problem: &Problem, maps: [&Map; 2], options: &HeadingOptions) -> Option<Map> {
+    let fixed = maps.map(|map| FixedByPriors::of(&map.restrict(problem)));
+    let shared: Vec<usize> = seen_by_both(problem, maps).collect();
+    let is_turned = fixed.iter().all(|fixed| fixed.heading);
+    let [first, second] = [0, 1].map(|k| {
+        if fixed[k].heading {
+            aligned_to_priors(problem, maps[k])
+        } else {
+            maps[k].clone()
+        }
     });
-    let [first, second] = [turned[0].as_ref()?, turned[1].as_ref()?];
-    if shared.is_empty() {
+    let rays = |map: &Map, landmark: usize| map.rays(problem, landmark).count().min(2);
+    let ties = shared
+        .iter()
+        .map(|&landmark| rays(&first, landmark) + rays(&second, landmark) - 2);
+    let needed = if is_turned { 2 } else { 4 };
+    if ties.sum::<usize>() < needed || !fixed.iter().all(|fixed| fixed.scale) {
         return None;
     }
-    let both = first.landmarks.iter().zip(&second.landmarks);
-    let offsets: Vec<_> = both.filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
-    let shift = Translation2::from(centroid(&offsets));
-    let shift = Similarity2::from_parts(shift, UnitComplex::identity(), 1.0);
-    Some(first.united(&second.transformed(&shift)))
+    let rays: Vec<[Vec<Ray>; 2]> = shared
+        .iter()
+        .map(|&landmark| [&first, &second].map(|map| rays_to(problem, map, landmark)))
+        .collect();
+    let is_line = !problem.is_oriented();
+    let crossing = |turn: f64| cross(&rays, turn, is_line, options.half_agreed);
+    let mut best = if is_turned {
+        crossing(0.0)?
+    } else {
+        let step = TAU / options.headings as f64;
+        let grid = (0..options.headings).filter_map(|k| crossing(step * k as f64));
+        grid.min_by(|a, b| a.disagreement.total_cmp(&b.disagreement))?
+    };
+    let mut step = TAU / options.headings as f64;
+    for _ in 0..if is_turned { 0 } else { BISECTIONS } {
+        step *= 0.5;
+        for near in [best.turn - step, best.turn + step] {
+            let found = crossing(near).filter(|found| found.disagreement < best.disagreement);
+            best = found.unwrap_or(best);
+        }
+    }
+    let (shift, turn) = (Translation2::from(best.shift), UnitComplex::new(best.turn));
+    let moved = second.transformed(&Similarity2::from_parts(shift, turn, 1.0));
+    let mut map = first.united(&moved);
+    for (landmark, point) in shared.into_iter().zip(best.points) {
+        map.landmarks[landmark] = Some(point);
+    }
+    Some(map)
+}
+
+/// A ray from a place in a direction.
+type Ray = [Vector2<f64>; 2];
+
+fn rays_to(problem: &Problem, map: &Map, landmark: usize) -> Vec<Ray> {
+    let rays = map.rays(problem, landmark).map(|(pose, s)| {
+        let ray = pose.rotation * s.bearing;
+        [pose.translation.vector, Vector2::new(ray.re, ray.im)]
+    });
+    rays.collect()
+}
+
+/// How a piece lies to another, where the rays of both cross, and how much these disagree, each between 0 and 1.
+struct Crossing {
+    turn: f64,
+    shift: Vector2<f64>,
+    points: Vec<Point2<f64>>,
+    disagreement: f64,
+}
+
+/// The shift of the second of two pieces, turned first, with which the rays of both to each landmark meet best.
+fn cross(rays: &[[Vec<Ray>; 2]], turn: f64, is_line: bool, half_agreed: f64) -> Option<Crossing> {
+    let rotation = UnitComplex::new(turn);
+    let turned = |ray: &Ray| ray.map(|part| rotation * part);
+    // The distance of a landmark x from the line of a ray from p with the normal n is n . (x - p).
+    let lines = |(normal, right): (Matrix2<f64>, Vector2<f64>), [place, ray]: Ray| {
+        let across = Vector2::new(-ray.y, ray.x);
+        (
+            normal + across * across.transpose(),
+            right + across * across.dot(&place),
+        )
+    };
+    let none = (Matrix2::zeros(), Vector2::zeros());
+    // Each landmark, a function of the shift, is eliminated.
+    let (mut normal, mut right) = none;
+    let mut reduced = Vec::with_capacity(rays.len());
+    for [first, second] in rays {
+        let (a, p) = first.iter().copied().fold(none, lines);
+        let (b, q) = second.iter().map(turned).fold(none, lines);
+        let inverse = (a + b).try_inverse()?;
+        normal += b - b * inverse * b;
+        right += b * inverse * (p + q) - q;
+        reduced.push((inverse * (p + q), inverse * b));
+    }
+    let shift = normal.try_inverse()? * right;
+    let place = |(place, per_shift): (Vector2<f64>, Matrix2<f64>)| place + per_shift * shift;
+    let points: Vec<_> = reduced.into_iter().map(place).map(Point2::from).collect();
+    let mut disagreement = 0.0;
+    for ([first, second], point) in rays.iter().zip(&points) {
+        let shifted = |ray: &Ray| {
+            let [place, ray] = turned(ray);
+            [place + shift, ray]
+        };
+        for [place, ray] in first.iter().copied().chain(second.iter().map(shifted)) {
+            let offset = point.coords - place;
+            let across = ray.perp(&offset);
+            let is_ahead = is_line || ray.dot(&offset) > 0.0;
+            let half = half_agreed * half_agreed * offset.norm_squared();
+            disagreement += if is_ahead {
+                across * across / (across * across + half)
+            } else {
+                1.0
+            };
+        }
+    }
+    disagreement.is_finite().then_some(Crossing {
+        turn,
+        shift,
+        points,
+        disagreement,
+    })
 }
 
 /// The first map with what the second has beyond it, moved by the similarity that fits some shared landmarks;
@@ -121,14 +243,9 @@ mod tests {
             [2, 3],
             Similarity2::new(nalgebra::Vector2::new(-8.0, 2.0), -0.7, 0.9),
         );
-        let pairs = second.landmarks.iter().zip(&first.landmarks);
-        let shared: Vec<Shared> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
-        // Without a compass on each they may turn.
-        let turning = problem.clone().with_pose_priors(&[compass(0)]).unwrap();
-        assert!(shifted_onto(&turning, [&first, &second], &shared).is_none());
+        let options = HeadingOptions::default();
         let problem = problem.with_pose_priors(&[compass(0), compass(3)]).unwrap();
-        assert!(shifted_onto(&problem, [&first, &second], &[]).is_none());
-        let found = shifted_onto(&problem, [&first, &second], &shared).unwrap();
+        let found = crossed_with(&problem, [&first, &second], &options).unwrap();
         let shift = found.poses[0].unwrap().translation.vector - scene.poses[0].translation.vector;
         for (pose, truth) in found.poses.iter().zip(&scene.poses) {
             let pose = pose.unwrap();
@@ -143,5 +260,42 @@ mod tests {
             assert!(error.translation.vector.norm() + error.rotation.angle().abs() < 1e-6);
         }
         assert!(in_frame_of(&problem, &Map::empty(4, 9), &first).is_none());
+    }
+
+    /// Odometry gives two pieces their scale; how one lies to the other, landmarks tell that need not be placed in either.
+    #[test]
+    fn pieces_of_known_scale_are_turned_until_their_rays_cross() {
+        let options = HeadingOptions::default();
+        for (seed, seen, is_enough) in [(2, 4, true), (3, 4, true), (3, 2, true), (3, 1, false)] {
+            let scene = simulate(Layout::Enclosed, 6, 4, 0.0, seed, Arena::default()).unwrap();
+            let problem = Problem::dense(6, 4, &scene.bearings, 0.01).unwrap();
+            let motion = |start: usize| Odometry {
+                start,
+                end: start + 1,
+                delta: scene.poses[start].inv_mul(&scene.poses[start + 1]),
+                noise: Noise::Sigmas([0.1; 3]),
+            };
+            let odometry = [0, 1, 3, 4].map(motion);
+            let seen: Vec<bool> = (0..4).map(|landmark| landmark < seen).collect();
+            let problem = problem.restrict(&[true; 6], &seen);
+            let problem = problem.with_odometry(&odometry).unwrap();
+            let part = |views: core::ops::Range<usize>, turn: f64| {
+                let mut part = Map::empty(6, problem.landmarks());
+                for view in views {
+                    part.poses[view] = Some(scene.poses[view]);
+                }
+                part.transformed(&Similarity2::new(Vector2::new(3.0, 1.0), turn, 1.0))
+            };
+            let found = crossed_with(&problem, [&part(0..3, 0.3), &part(3..6, -1.1)], &options);
+            assert_eq!(found.is_some(), is_enough, "{seed}");
+            let Some(found) = found else { continue };
+            let home = found.poses[0].unwrap() * scene.poses[0].inverse();
+            for (pose, truth) in found.poses.iter().zip(&scene.poses) {
+                let error = (home * truth).inv_mul(&pose.unwrap());
+                // As far as the bisection goes.
+                assert!(error.rotation.angle().abs() < 2e-3, "{seed}");
+                assert!(error.translation.vector.norm() < 0.1, "{seed}");
+            }
+        }
     }
 }

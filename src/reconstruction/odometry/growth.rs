@@ -4,7 +4,7 @@
 //! What priors know is a piece in the map frame; views that odometry ties together make a piece in a frame of its own.
 //! A piece grows along its odometry, its landmarks are placed by what has been reached so far, and it is refined now
 //! and then, so that it never drifts far. Pieces whose frame priors fix are moved into the map frame, the others laid
-//! over each other by the landmarks that they share. How a view, a landmark and the joint are estimated is up to a
+//! over each other by the landmarks that they share or see. How a view, a landmark and the joint are estimated is up to a
 //! [`Placement`]: by least squares, or robustly where bearings may be wrong.
 
 use super::super::attempt::attempt;
@@ -13,7 +13,8 @@ use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
 use super::compass::map_from_headings;
-use super::frames::{Shared, in_frame_of, in_frame_of_priors, shifted_onto};
+use super::frames::{Shared, crossed_with, in_frame_of, in_frame_of_priors, seen_by_both};
+use super::headings::maps_from_positions;
 use super::known::Known;
 use crate::error::Error;
 use crate::geometry::Pose;
@@ -95,7 +96,7 @@ pub fn grow_from_priors(
         framed: true,
     };
     growth.extend(&mut world)?;
-    growth.add_best_seed(&mut world, seeds)?;
+    growth.add_seeds(&mut world, seeds)?;
     let mut pieces = growth.pieces(&mut world)?;
     // What is in the frame of the priors stays first, so that the others are moved into it.
     pieces.sort_by_key(|piece| core::cmp::Reverse(size(&piece.map)));
@@ -170,8 +171,22 @@ impl<P: Placement> Growth<'_, '_, P> {
         Ok(true)
     }
 
-    /// Adds views of known position whose headings were searched, unless something else has placed them.
-    fn add_best_seed(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<(), Error> {
+    /// Adds views of known position by the best of some seeds, and by the best of new ones as long as these reach more:
+    /// a group of views that shares nothing with those of a seed needs a seed of its own.
+    fn add_seeds(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<(), Error> {
+        let mut added = self.add_best_seed(world, seeds)?;
+        while added {
+            let options = &self.stages.headings;
+            let (known, motions) = (&self.known, &self.motions);
+            let seeds = maps_from_positions(self.problem, known, motions, &world.map, options);
+            added = self.add_best_seed(world, &seeds)?;
+        }
+        Ok(())
+    }
+
+    /// Adds views of known position whose headings were searched, unless something else has placed them; whether it has
+    /// added any.
+    fn add_best_seed(&mut self, world: &mut Piece, seeds: &[Map]) -> Result<bool, Error> {
         let mut best: Option<(f64, Piece)> = None;
         for map in seeds {
             let reached =
@@ -189,10 +204,11 @@ impl<P: Placement> Growth<'_, '_, P> {
                 best = Some((score, piece));
             }
         }
+        let added = best.is_some();
         if let Some((_, piece)) = best {
             *world = piece;
         }
-        Ok(())
+        Ok(added)
     }
 
     /// Grows a piece from the views that it has, along its odometry, and by its landmarks where odometry ends.
@@ -254,21 +270,8 @@ impl<P: Placement> Growth<'_, '_, P> {
         if !piece.framed && !self.placement.resects() {
             return None;
         }
-        let (map, known) = (&piece.map, &self.known);
-        let mut missing: Vec<(usize, usize)> = (0..map.poses.len())
-            .filter(|&view| map.poses[view].is_none())
-            .map(|view| {
-                let prior = 2 * usize::from(known.positions[view].is_some())
-                    + usize::from(known.headings[view].is_some());
-                let prior = if piece.framed { prior } else { 0 };
-                (map.connections_of_view(self.problem, view) + prior, view)
-            })
-            .collect();
-        missing.sort_by_key(|&(count, view)| (core::cmp::Reverse(count), view));
-        missing.into_iter().find_map(|(_, view)| {
-            let pose = known.locate(self.problem, map, view, &self.motions, piece.framed)?;
-            Some((view, pose))
-        })
+        let (known, motions) = (&self.known, &self.motions);
+        known.locate_next(self.problem, &piece.map, motions, piece.framed)
     }
 
     /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
@@ -309,7 +312,7 @@ impl<P: Placement> Growth<'_, '_, P> {
         while !pieces.is_empty() {
             let mut main = pieces.remove(0);
             let mut refused = Vec::new();
-            while let Some((k, shared)) = closest(&main.map, &pieces) {
+            while let Some((k, shared)) = closest(self.problem, &main.map, &pieces) {
                 let other = pieces.remove(k);
                 if let Some(joined) = self.joined(&main, &other, &shared) {
                     main.map = joined;
@@ -353,8 +356,9 @@ impl<P: Placement> Growth<'_, '_, P> {
         Ok(maps)
     }
 
-    /// Two pieces as one: by priors and shared landmarks together where the first is in the frame of the priors or lacks
-    /// only its translation, or by shared landmarks alone, whichever explains more; `None` when neither fixes how they lie.
+    /// Two pieces as one: by priors and shared landmarks together where these bring the second into the frame of the
+    /// priors, by the rays of both where their scale is known, or by shared landmarks alone, whichever explains more;
+    /// `None` when none of this fixes how they lie.
     fn joined(&mut self, first: &Piece, second: &Piece, shared: &[Shared]) -> Option<Map> {
         let framed = first
             .framed
@@ -364,13 +368,17 @@ impl<P: Placement> Growth<'_, '_, P> {
         let laid = (shared.len() >= self.stages.odometry_growth.min_shared)
             .then(|| self.placement.join([&first.map, &second.map], shared))
             .flatten();
-        let shifted = if framed.is_none() {
-            shifted_onto(self.problem, [&first.map, &second.map], shared)
+        let crossed = if framed.is_none() {
+            crossed_with(
+                self.problem,
+                [&first.map, &second.map],
+                &self.stages.headings,
+            )
         } else {
             None
         };
         let score = |map: &Map| score(self.problem, map);
-        let all = framed.into_iter().chain(shifted).chain(laid);
+        let all = framed.into_iter().chain(crossed).chain(laid);
         all.min_by(|a, b| score(a).total_cmp(&score(b)))
     }
 }
@@ -380,15 +388,18 @@ fn size(map: &Map) -> usize {
     map.poses.iter().flatten().count()
 }
 
-/// The piece that shares most landmarks with a map, and these; `None` when none shares any.
-fn closest(map: &Map, pieces: &[Piece]) -> Option<(usize, Vec<Shared>)> {
-    let shared = |piece: &Piece| -> Vec<Shared> {
+/// The piece that shares most landmarks with a map, then the one that sees most that the map sees as well, and the
+/// shared ones; `None` when none sees any.
+fn closest(problem: &Problem, map: &Map, pieces: &[Piece]) -> Option<(usize, Vec<Shared>)> {
+    let all = pieces.iter().enumerate().map(|(k, piece)| {
         let pairs = piece.map.landmarks.iter().zip(&map.landmarks);
-        pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect()
-    };
-    let all = pieces.iter().map(shared).enumerate();
-    let best = all.max_by_key(|(k, shared)| (shared.len(), core::cmp::Reverse(*k)));
-    best.filter(|(_, shared)| !shared.is_empty())
+        let shared: Vec<Shared> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
+        let seen = seen_by_both(problem, [map, &piece.map]).count();
+        (k, seen, shared)
+    });
+    let closest = all.max_by_key(|(k, seen, shared)| (shared.len(), *seen, core::cmp::Reverse(*k)));
+    let (k, _, shared) = closest.filter(|(_, seen, shared)| *seen + shared.len() > 0)?;
+    Some((k, shared))
 }
 
 #[cfg(test)]
@@ -550,11 +561,23 @@ mod tests {
         let main = piece(&[0, 1, 2, 3]).map;
         let [one, two, none] = [&[1][..], &[2, 3, 5], &[4, 5]].map(piece);
         let also = piece(&[0, 1]);
-        let (place, shared) = closest(&main, &[one, two, also, none]).unwrap();
+        let problem = Problem::dense(1, 6, &[0.1; 6], 0.1).unwrap();
+        let (place, shared) = closest(&problem, &main, &[one, two, also, none]).unwrap();
         // Of equals the first.
         assert_eq!((place, shared.len()), (1, 2));
         assert_eq!(shared[0].0, Point2::new(2.0, 1.0));
-        assert!(closest(&main, &[piece(&[4, 5])]).is_none());
-        assert!(closest(&main, &[]).is_none());
+        let none = || [piece(&[4, 5])];
+        assert!(closest(&problem, &main, &none()).is_none());
+        assert!(closest(&problem, &main, &[]).is_none());
+        // What both see counts where no landmark is placed in both.
+        let [mut main, mut other] = [main, none()[0].map.clone()];
+        main.poses[0] = Some(Pose::identity());
+        other.poses[0] = Some(Pose::identity());
+        let other = Piece {
+            map: other,
+            framed: false,
+        };
+        let found = closest(&problem, &main, &[other]);
+        assert!(found.is_some_and(|(place, shared)| place == 0 && shared.is_empty()));
     }
 }

@@ -19,11 +19,18 @@ use nalgebra::{Complex, Point2, Translation2, UnitComplex, Vector2};
 /// Landmarks that two views must share to be a pair: with one, no other view could contradict their headings.
 const SHARED: usize = 2;
 
-/// Maps of the views of known position, the best first; none where no two of them share landmarks that others see.
-pub fn maps_from_positions(problem: &Problem, known: &Known, options: &HeadingOptions) -> Vec<Map> {
-    let motions = Motions::new(problem);
+/// Maps of the views of known position that a map does not have, the best first; none where no two of them share
+/// landmarks that others see.
+pub fn maps_from_positions(
+    problem: &Problem,
+    known: &Known,
+    motions: &Motions,
+    map: &Map,
+    options: &HeadingOptions,
+) -> Vec<Map> {
+    let is_free = |view: usize| known.headings[view].is_none() && map.poses[view].is_none();
     let mut views: Vec<(usize, Vector2<f64>)> = (0..problem.views())
-        .filter(|&view| known.headings[view].is_none() && motions.of(view).is_empty())
+        .filter(|&view| is_free(view) && motions.of(view).is_empty())
         .filter_map(|view| Some((view, known.positions[view]?)))
         .collect();
     views.sort_by_key(|&(view, _)| (core::cmp::Reverse(problem.of_view(view).len()), view));
@@ -239,10 +246,14 @@ mod tests {
     #[test]
     fn exact_positions_give_the_headings() {
         let options = HeadingOptions::default();
+        let found = |problem: &Problem, known: &Known| {
+            let (motions, empty) = (Motions::new(problem), Map::empty(5, problem.landmarks()));
+            maps_from_positions(problem, known, &motions, &empty, &options)
+        };
         let (scene, problem) = setting(9);
-        let found = maps_from_positions(&problem, &Known::of(&problem), &options);
-        assert!(!found.is_empty() && found.len() <= options.maps);
-        for (pose, truth) in found[0].poses.iter().zip(&scene.poses) {
+        let maps = found(&problem, &Known::of(&problem));
+        assert!(!maps.is_empty() && maps.len() <= options.maps);
+        for (pose, truth) in maps[0].poses.iter().zip(&scene.poses) {
             let pose = pose.unwrap();
             assert_eq!(pose.translation.vector, truth.translation.vector);
             let error = pose.rotation.angle_to(&truth.rotation).abs();
@@ -250,13 +261,13 @@ mod tests {
         }
         // A single landmark in common contradicts nothing.
         let (_, one) = setting(1);
-        assert!(maps_from_positions(&one, &Known::of(&one), &options).is_empty());
+        assert!(found(&one, &Known::of(&one)).is_empty());
         let mut known = Known::of(&problem);
         known.positions[2..].fill(None);
-        assert!(maps_from_positions(&problem, &known, &options).is_empty());
+        assert!(found(&problem, &known).is_empty());
         let mut known = Known::of(&problem);
         known.headings.fill(Some(UnitComplex::identity()));
-        assert!(maps_from_positions(&problem, &known, &options).is_empty());
+        assert!(found(&problem, &known).is_empty());
     }
 
     /// With the right headings the rays cross at the landmarks, and those of another view all agree on its heading.

@@ -82,6 +82,35 @@ impl Known {
         }
     }
 
+    /// The view without a pose that most is known of, with its pose by that and by the landmarks of the map, as
+    /// [`locate`](Self::locate) finds it.
+    pub fn locate_next(
+        &self,
+        problem: &Problem,
+        map: &Map,
+        motions: &Motions,
+        framed: bool,
+    ) -> Option<(usize, Pose<f64>)> {
+        let known = |view: usize| {
+            2 * usize::from(self.positions[view].is_some())
+                + usize::from(self.coordinates[view].is_some())
+                + usize::from(self.headings[view].is_some())
+                + 3 * motions.terms(map, view).count()
+        };
+        let mut missing: Vec<(usize, usize)> = (0..map.poses.len())
+            .filter(|&view| map.poses[view].is_none())
+            .map(|view| {
+                let known = if framed { known(view) } else { 0 };
+                (map.connections_of_view(problem, view) + known, view)
+            })
+            .collect();
+        missing.sort_by_key(|&(count, view)| (core::cmp::Reverse(count), view));
+        missing.into_iter().find_map(|(_, view)| {
+            let pose = self.locate(problem, map, view, motions, framed)?;
+            Some((view, pose))
+        })
+    }
+
     /// The pose of a view in the map frame from what is known of it and of its landmarks; `None` when that does not fix
     /// it.
     ///
@@ -122,20 +151,19 @@ impl Known {
                 None => candidates.extend(on_circles(coordinate, &seen)),
             }
         }
-        for motion in motions.of(view) {
-            let other = map.poses[motion.end];
-            candidates.extend(other.map(|other| other * motion.delta.inverse()));
-        }
-        let terms = &self.terms[view];
+        let mut terms = self.terms[view].clone();
+        terms.extend(motions.terms(map, view));
+        candidates.extend(motions.terms(map, view).map(|term| term.wanted));
         let cost = |pose: &Pose<f64>| -> f64 {
-            terms.iter().map(|term| term.square(pose)).sum::<f64>()
+            let priors = self.terms[view].iter();
+            priors.map(|term| term.square(pose)).sum::<f64>()
                 + motions.cost(problem, map, view, pose)
         };
         let best = candidates
             .into_iter()
             .min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
         let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
-        Some(descend_view(problem, &seen, terms, loss, best, STEPS))
+        Some(descend_view(problem, &seen, &terms, loss, best, STEPS))
     }
 }
 
@@ -395,6 +423,34 @@ mod tests {
             }
             assert_eq!(locate(2, false), None);
             assert!(apart(&locate(5, false).unwrap(), &truth) < 1e-6);
+        }
+    }
+
+    /// A motion holds a view against bearings that do not fix it, and of two views the one that a motion reaches is next.
+    #[test]
+    fn a_motion_counts_as_much_as_three_landmarks() {
+        let (truth, map, problem) = setting();
+        let motion = Odometry {
+            start: 0,
+            end: 1,
+            delta: pose(0.5, 0.2, -0.4),
+            noise: Noise::Sigmas([0.1, 0.1, 0.05]),
+        };
+        let end = truth * motion.delta;
+        let problem = problem.with_odometry(&[motion]).unwrap();
+        let (known, motions) = (Known::of(&problem), Motions::new(&problem));
+        for count in 0..=2 {
+            let mut map = map.clone();
+            map.poses[1] = Some(end);
+            map.landmarks[count..].fill(None);
+            for point in map.landmarks.iter_mut().flatten() {
+                point.y += 0.3;
+            }
+            let found = known.locate(&problem, &map, 0, &motions, true).unwrap();
+            assert!(apart(&found, &truth) < 0.5, "{count}: {found}");
+            let next = known.locate_next(&problem, &map, &motions, true);
+            assert_eq!(next, Some((0, found)));
+            assert_eq!(known.locate_next(&problem, &map, &motions, false), None);
         }
     }
 }

@@ -61,7 +61,9 @@ pub fn solve_posterior(
         progress,
         found: Vec::new(),
     };
-    let seeds = maps_from_positions(problem, &attempts.known, &stages.headings);
+    let (known, motions) = (&attempts.known, &attempts.motions);
+    let empty = Map::empty(problem.views(), problem.landmarks());
+    let seeds = maps_from_positions(problem, known, motions, &empty, &stages.headings);
     let mut starts = Vec::new();
     if options.robust {
         starts = robust_start::robust_starts(problem, &seeds, options, attempts.progress)?;
@@ -105,28 +107,33 @@ pub fn solve_posterior(
         }
         starts.extend(grown);
     }
-    let best = if options.robust {
-        lowest(core::mem::take(&mut attempts.found))
-    } else {
-        attempts.best()?
-    };
-    let Some(best) = best else {
-        return Err(NOTHING);
-    };
+    let mut best = attempts.take_best()?.ok_or(NOTHING)?;
+    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
+    let mut others: Vec<Reconstruction> = Vec::new();
+    for start in &starts {
+        let mut maps = core::iter::once(&best).chain(&others);
+        if maps.any(|found| !found.map.is_apart_from(start)) {
+            continue;
+        }
+        attempts.refine_fitted(start)?;
+        // Completed, a map may reach views of another.
+        let found = attempts.found.drain(..);
+        let (apart, reaching): (Vec<_>, Vec<_>) =
+            found.partition(|one| best.map.is_apart_from(&one.map));
+        others.extend(apart);
+        if reaching.iter().any(|one| one.map.has_views_of(&best.map)) {
+            attempts.found = reaching;
+            attempts.found.push(best);
+            best = attempts.take_best()?.ok_or(NOTHING)?;
+        }
+    }
     if options.robust {
         refuse_minority(&best, &stages.judge)?;
     }
-    // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut maps = Vec::from([best]);
-    for start in &starts {
-        if maps.iter().all(|found| found.map.is_apart_from(start)) {
-            attempts.refine_fitted(start)?;
-            // Completed, a map may reach views of another.
-            let found = attempts.found.drain(..);
-            let apart =
-                |one: &Reconstruction| maps.iter().all(|map| map.map.is_apart_from(&one.map));
-            let others: Vec<_> = found.filter(apart).collect();
-            maps.extend(others);
+    for other in others {
+        if maps.iter().all(|map| map.map.is_apart_from(&other.map)) {
+            maps.push(other);
         }
     }
     if options.robust {
@@ -191,6 +198,15 @@ impl Attempts<'_, '_> {
         self.refine(&start)
     }
 
+    /// The best of what has been found.
+    fn take_best(&mut self) -> Result<Option<Reconstruction>, Error> {
+        if self.options.robust {
+            Ok(lowest(core::mem::take(&mut self.found)))
+        } else {
+            self.best()
+        }
+    }
+
     /// Refines a start and keeps what comes of it, completed.
     fn refine(&mut self, start: &Map) -> Result<(), Error> {
         if self.options.robust {
@@ -199,9 +215,15 @@ impl Attempts<'_, '_> {
             return Ok(());
         }
         let first = self.options.stages.posterior.first_iterations;
-        let Some(mut found) = self.refined(start, first)? else {
-            return Ok(());
-        };
+        if let Some(found) = self.refined(start, first)? {
+            let found = self.completed(found)?;
+            self.found.push(found);
+        }
+        Ok(())
+    }
+
+    /// A map with what all that is known adds to it, as long as that makes it better.
+    fn completed(&mut self, mut found: Reconstruction) -> Result<Reconstruction, Error> {
         let stages = &self.options.stages;
         for _ in 0..stages.posterior.completions {
             let mut map = found.map.clone();
@@ -210,7 +232,7 @@ impl Attempts<'_, '_> {
             if map.determined().count() == found.map.determined().count() {
                 break;
             }
-            let Some(completed) = self.refined(&map, first)? else {
+            let Some(completed) = self.refined(&map, stages.posterior.first_iterations)? else {
                 break;
             };
             let both = [found, completed];
@@ -222,8 +244,7 @@ impl Attempts<'_, '_> {
                 break;
             }
         }
-        self.found.push(found);
-        Ok(())
+        Ok(found)
     }
 
     /// The minimum that a start leads to in so many iterations; `None` when it cannot be refined.
@@ -270,6 +291,7 @@ impl Attempts<'_, '_> {
         }
         if !self.many && is_incomplete(&best) {
             best = place_by_headings(self.problem, best, self.options, self.progress)?;
+            best = self.completed(best)?;
         }
         let mut found = Vec::new();
         for one in core::iter::once(best).chain(rivals) {

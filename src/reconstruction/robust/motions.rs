@@ -55,6 +55,18 @@ impl Motions {
         &self.of[view]
     }
 
+    /// What the motions from or to views of a map tell of the pose of a view.
+    pub fn terms<'a>(&'a self, map: &'a Map, view: usize) -> impl Iterator<Item = PoseTerm> + 'a {
+        self.of[view].iter().filter_map(|motion| {
+            let other = map.poses[motion.end]?;
+            Some(PoseTerm {
+                wanted: other * motion.delta.inverse(),
+                root: motion.root,
+                in_map_frame: false,
+            })
+        })
+    }
+
     /// Twice the cost of a view at a pose while nothing else moves: the squares of its motions to other views of the
     /// map, and of its sightings, each at most that of an outlier.
     pub fn cost(&self, problem: &Problem, map: &Map, view: usize, at: &Pose<f64>) -> f64 {
@@ -83,8 +95,9 @@ fn vector(pose: &Pose<f64>) -> Vector3<f64> {
 }
 
 /// What pulls at the pose of a view besides its bearings: a pose that is wanted, and how much.
+#[derive(Clone, Copy)]
 pub struct PoseTerm {
-    wanted: Pose<f64>,
+    pub wanted: Pose<f64>,
     /// The root of the information.
     root: Matrix3<f64>,
     /// Whether offsets are measured in the map frame; otherwise in that of the wanted pose.
