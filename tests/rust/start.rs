@@ -595,7 +595,7 @@ fn landmarks_at_infinity_and_on_views_are_exchanged() {
         options.stages.incremental.moved_views = 0;
         stuck[1] += usize::from(is_missed(&options));
     }
-    assert!(stuck[0] >= 2 && stuck[1] >= 3, "{stuck:?}");
+    assert!(stuck[0] >= 1 && stuck[1] >= 2, "{stuck:?}");
 }
 
 /// Where the stated standard deviation says that a minimum is too high, the search finds a lower one: landmarks on
