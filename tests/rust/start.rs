@@ -474,9 +474,9 @@ fn half_a_pose_and_few_landmarks_locate_a_view() {
 #[test]
 fn the_origin_may_be_anywhere() {
     let offset = Point2::new(4e5, 5.5e6).coords;
-    for seed in [83, 288, 420, 744, 802] {
+    for seed in [83_usize, 288, 420, 744, 802] {
         let found = [offset * 0.0, offset].map(|origin| {
-            let mut world = World::new(seed);
+            let mut world = World::new(seed as u64);
             for _ in 0..9 {
                 let (x, y) = (world.between(0.0, 10.0), world.between(0.0, 10.0));
                 world.poses.push(pose(x, y, 3.0 * x));
@@ -488,12 +488,12 @@ fn the_origin_may_be_anywhere() {
             for point in &mut world.landmarks {
                 point.coords += origin;
             }
-            let every = 2 + seed as usize % 3;
+            let every = 2 + seed % 3;
             let problem = world.problem(|view, landmark| (view + landmark) % every != 0);
             let mut known = world.known_poses([0.05; 3]);
             known.truncate(6);
             for (k, known) in known.iter_mut().enumerate() {
-                known.noise = Noise::Sigmas(match (k + seed as usize) % 4 {
+                known.noise = Noise::Sigmas(match (k + seed) % 4 {
                     0 => [0.05, UNKNOWN, UNKNOWN],
                     1 => [UNKNOWN, 0.05, UNKNOWN],
                     2 => [0.05, 0.05, UNKNOWN],
