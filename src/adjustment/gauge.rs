@@ -242,8 +242,9 @@ impl FixedByPriors {
             let direction = row / norm;
             let mut own = self.coordinates.iter().filter(|(of, _)| *of == subject);
             let is_told = own.clone().count() == 2 || own.any(|(_, d)| are_parallel(d, &direction));
-            let mut all = self.coordinates.iter();
-            let is_new = all.all(|(_, d)| are_parallel(d, &direction));
+            let first = self.coordinates.first();
+            // Until the place is fixed all are parallel to the first.
+            let is_new = !self.place() && first.is_none_or(|(_, d)| !are_parallel(d, &direction));
             if !is_told && (is_new || self.coordinates.len() < ALL_FIXED) {
                 self.coordinates.push((subject, direction));
             }
@@ -408,6 +409,10 @@ mod tests {
                 coordinate(0, [0.1, free, free]),
                 coordinate(2, [free, 0.1, free]),
             ]),
+            // One coordinate of more than tell whether all is fixed, before both of others.
+            alone()
+                .with_pose_priors(&[0, 1, 2].map(|view| coordinate(view, [0.1, free, free])))
+                .and_then(|p| p.with_landmark_priors(&[known(0), known(1)])),
         ];
         (bundle.clone(), problems.map(Result::unwrap).to_vec())
     }

@@ -4,6 +4,8 @@
 use super::judge::JudgeOptions;
 use super::result::Reconstruction;
 use crate::error::{Degeneracy, Error};
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
 use crate::geometry::points::{median, middle};
 use crate::problem::{Map, Problem};
 use alloc::vec::Vec;

@@ -51,7 +51,7 @@ pub fn brought_back(
         options.refine.loss
     };
     let (least, termination) = (found.cost, found.termination);
-    let mut found = shifted(problem, found, home, loss);
+    let mut found = shifted(problem, found, home, loss, options.robust);
     if options.robust || found.cost * SAME_COST <= least {
         return Ok(found);
     }
@@ -71,6 +71,7 @@ fn shifted(
     mut found: Reconstruction,
     home: Vector2<f64>,
     loss: Loss,
+    robust: bool,
 ) -> Reconstruction {
     let before = cost_of_priors(&problem.shifted(-home), &found.map);
     for pose in found.map.poses.iter_mut().flatten() {
@@ -88,9 +89,12 @@ fn shifted(
         };
         // Those of landmarks at infinity stay.
         let new = residual.unwrap_or(old);
-        let loss_of = |r: f64| loss.evaluate((r * s.weight).powi(2)).0;
+        if let (Loss::Truncated(width), true) = (loss, new != old) {
+            found.inliers[place] = new.abs() * s.weight <= width;
+        }
+        let loss_of = |r: f64| loss.evaluate((r * s.weight) * (r * s.weight)).0;
         cost += 0.5 * (loss_of(new) - loss_of(old));
-        if found.inliers[place] {
+        if !robust || found.inliers[place] {
             squares += new * new;
             count += 1.0;
         }
@@ -102,7 +106,9 @@ fn shifted(
     }
     for others in [&mut found.alternatives, &mut found.components] {
         let old = core::mem::take(others).into_iter();
-        *others = old.map(|one| shifted(problem, one, home, loss)).collect();
+        *others = old
+            .map(|one| shifted(problem, one, home, loss, robust))
+            .collect();
     }
     found
 }
