@@ -102,8 +102,8 @@ fn shifted(
     }
     if (cost - found.cost).abs() > ROUNDED * found.cost {
         found.cost = cost;
-        found.rms = (squares / count.max(1.0)).sqrt();
     }
+    found.rms = (squares / count.max(1.0)).sqrt();
     for others in [&mut found.alternatives, &mut found.components] {
         let old = core::mem::take(others).into_iter();
         *others = old
