@@ -151,9 +151,7 @@ def test_a_vertex_of_a_graph_may_have_turned_often():
     np.testing.assert_allclose(problem.known_poses().pose, [[1, 2, 20 - 6 * np.pi]])
 
 
-@pytest.mark.parametrize(
-    "line", ["EDGE_SE2 0 1 1 0 0 1 0 0 1 0 0.04", "EDGE_PRIOR_SE2 0 1 0 0 1 0.1 0 1 0 0.04"]
-)
+@pytest.mark.parametrize("line", ["EDGE_SE2 0 1 1 0 0 1 0 0 1 0 0.04", "EDGE_PRIOR_SE2 0 1 0 0 1 0.1 0 1 0 0.04"])
 def test_deviations_in_degrees_in_a_graph_are_refused_by_line(line):
     text = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 0 0 0\n{line}\n".encode()
     with pytest.raises(InvalidInputError, match=r":3: expected a heading with a standard deviation .*, got 5: degrees"):
