@@ -10,6 +10,7 @@ import math
 import operator
 import sys
 from collections.abc import Sequence
+from types import EllipsisType
 from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, TypeVar
 
 import numpy as np
@@ -107,7 +108,8 @@ def check_turn(
     if isinstance(values, float) and abs(values) <= turn:
         return  # without an array, line by line of a file
     given = np.asarray(values)
-    beyond = np.abs(given[(..., *column)]) > turn
+    index: tuple[EllipsisType | int, ...] = (..., *column)
+    beyond = np.abs(given[index]) > turn
     if beyond.any():
         where, place = _first(beyond, column)
         raise InvalidInputError(f"{name}{place}: expected {expected}, got {given[where]:g}: degrees?")
