@@ -178,8 +178,8 @@ def test_an_interruption_before_anything_is_done_writes_nothing(tmp_path, monkey
     ("options", "message"),
     [
         (["--views", "2"], "views[0]: expected an integer from 3"),
-        (["--noise-deg", "nan"], "noise[0]: expected a number"),
-        (["--noise-deg", "-1"], "noise[0]: expected a number of at least 0"),
+        (["--noise-deg", "nan"], "--noise-deg: expected a number of at least 0 and at most 180, got nan"),
+        (["--noise-deg", "-1"], "--noise-deg: expected a number of at least 0 and at most 180, got -1.0"),
         (["--trials", "0"], "trials: expected an integer from 1"),
         (["--starts", "solve", "solve"], "starts: expected every value once, got 'solve' again"),
         (["--workers", "-1"], "--workers: expected an integer from 0"),
