@@ -286,9 +286,7 @@ impl Attempts<'_, '_> {
         }
         let mut best = choose(self.problem, found, &stages.judge)?;
         let rivals = core::mem::take(&mut best.alternatives);
-        if self.problem.views() <= stages.incremental.moved_views {
-            best = self.with_moves(best)?;
-        }
+        best = self.with_moves(best)?;
         if !self.many && is_incomplete(&best) {
             best = place_by_headings(self.problem, best, self.options, self.progress)?;
             best = self.completed(best)?;
@@ -325,8 +323,11 @@ impl Attempts<'_, '_> {
             } else {
                 moves.tried
             };
-            let variance = variance(&best).max(1.0);
-            let moved = moved_maps(self.problem, &best.map, variance, [tried, 0], &moves);
+            let mut moved = Vec::new();
+            if self.problem.views() <= self.options.stages.incremental.moved_views {
+                let variance = variance(&best).max(1.0);
+                moved = moved_maps(self.problem, &best.map, variance, [tried, 0], &moves);
+            }
             let moved = moved.into_iter().map(|map| (map, moves.iterations));
             let back = self.returned_maps(&best).into_iter();
             let back = back.map(|map| (map, self.options.stages.posterior.first_iterations));
@@ -350,11 +351,19 @@ impl Attempts<'_, '_> {
     }
 
     /// Maps in which one of the landmarks at infinity is back, alone or in place of one that is on a view: all views that
-    /// see it have turned away from it together, and no landmark or view alone lowers the cost.
+    /// see it have turned away from it together, and no landmark or view alone lowers the cost. The more views, the fewer.
     fn returned_maps(&self, best: &Reconstruction) -> Vec<Map> {
         let StageOptions {
-            moves, infinity, ..
+            moves,
+            infinity,
+            incremental,
+            ..
         } = &self.options.stages;
+        let views = self.problem.views().max(incremental.moved_views);
+        let most = moves.most_back * incremental.moved_views / views.max(1);
+        if most == 0 {
+            return Vec::new();
+        }
         let mut dropped = best.clone();
         drop_landmarks_at_infinity(self.problem, &mut dropped, infinity);
         let at_infinity: Vec<usize> = listed_at_infinity(&dropped).collect();
@@ -376,9 +385,7 @@ impl Attempts<'_, '_> {
             let others = at_infinity.iter();
             others.filter_map(move |&other| with(&[(out, moves.away), (other, moves.back[0])]))
         });
-        back.take(moves.most_back)
-            .chain(exchanged.take(moves.most_back))
-            .collect()
+        back.take(most).chain(exchanged.take(most)).collect()
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
