@@ -359,8 +359,12 @@ impl Attempts<'_, '_> {
             incremental,
             ..
         } = &self.options.stages;
-        let views = self.problem.views().max(incremental.moved_views);
-        let most = moves.most_back * incremental.moved_views / views.max(1);
+        let (views, all) = (self.problem.views(), incremental.moved_views);
+        let most = if views <= all {
+            moves.most_back
+        } else {
+            moves.most_back.saturating_mul(all) / views
+        };
         if most == 0 {
             return Vec::new();
         }
