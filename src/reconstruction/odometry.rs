@@ -11,5 +11,6 @@ mod known;
 mod least_squares;
 pub(crate) mod options;
 pub(crate) mod posterior;
+mod ray_ends;
 mod robust_start;
 mod sweeps;

@@ -12,7 +12,7 @@ use super::super::behind::without_landmarks_behind;
 use super::super::choice::{SAME_COST, choose, prices, size};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
-use super::super::infinity::{drop_landmarks_at_infinity, far_out, listed_at_infinity};
+use super::super::infinity::drop_landmarks_at_infinity;
 use super::super::judge::{
     is_incomplete, is_plausible_consensus, is_plausible_posterior, is_too_costly, refuse_minority,
     variance,
@@ -31,6 +31,7 @@ use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
+use super::ray_ends::other_ends;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::{Degeneracy, Error};
@@ -329,10 +330,12 @@ impl Attempts<'_, '_> {
                 moved = moved_maps(self.problem, &best.map, variance, [tried, 0], &moves);
             }
             let moved = moved.into_iter().map(|map| (map, moves.iterations));
-            let back = self.returned_maps(&best).into_iter();
-            let back = back.map(|map| (map, self.options.stages.posterior.first_iterations));
+            let ends = other_ends(self.problem, &best, size, &self.options.stages);
+            let ends = ends
+                .into_iter()
+                .map(|map| (map, self.options.stages.posterior.first_iterations));
             let mut lower = false;
-            for (map, iterations) in moved.chain(back) {
+            for (map, iterations) in moved.chain(ends) {
                 let found = self.refined(&map, iterations)?;
                 if let Some(found) = found
                     && found.undetermined.len() <= best.undetermined.len()
@@ -348,48 +351,6 @@ impl Attempts<'_, '_> {
             }
         }
         Ok(best)
-    }
-
-    /// Maps in which one of the landmarks at infinity is back, alone or in place of one that is on a view: all views that
-    /// see it have turned away from it together, and no landmark or view alone lowers the cost. The more views, the fewer.
-    fn returned_maps(&self, best: &Reconstruction) -> Vec<Map> {
-        let StageOptions {
-            moves,
-            infinity,
-            incremental,
-            ..
-        } = &self.options.stages;
-        let (views, all) = (self.problem.views(), incremental.moved_views);
-        let most = if views <= all {
-            moves.most_back
-        } else {
-            moves.most_back.saturating_mul(all) / views
-        };
-        if most == 0 {
-            return Vec::new();
-        }
-        let mut dropped = best.clone();
-        drop_landmarks_at_infinity(self.problem, &mut dropped, infinity);
-        let at_infinity: Vec<usize> = listed_at_infinity(&dropped).collect();
-        let size = size(&best.map);
-        let with = |places: &[(usize, f64)]| {
-            let mut map = best.map.clone();
-            for &(landmark, range) in places {
-                let place = far_out(self.problem, &best.map, landmark, range * size)?;
-                map.landmarks[landmark] = Some(place);
-            }
-            Some(map)
-        };
-        let back = moves.back.iter().flat_map(|&range| {
-            let alone = at_infinity.iter();
-            alone.filter_map(move |&landmark| with(&[(landmark, range)]))
-        });
-        let on_views = landmarks_on_views(self.problem, &dropped.map, moves.beside * size);
-        let exchanged = on_views.iter().flat_map(|&out| {
-            let others = at_infinity.iter();
-            others.filter_map(move |&other| with(&[(out, moves.away), (other, moves.back[0])]))
-        });
-        back.take(most).chain(exchanged.take(most)).collect()
     }
 
     /// Refines the maps from bearings alone, aligned to odometry and priors, and also as they are: where odometry and
@@ -414,15 +375,4 @@ impl Attempts<'_, '_> {
         }
         Ok(())
     }
-}
-
-/// The landmarks that are closer than so much to a view that sees them.
-fn landmarks_on_views(problem: &Problem, map: &Map, range: f64) -> Vec<usize> {
-    let is_on_view = |landmark: &usize| {
-        let mut rays = map.rays(problem, *landmark);
-        map.landmarks[*landmark].is_some_and(|point| {
-            rays.any(|(pose, _)| (pose.translation.vector - point.coords).norm() < range)
-        })
-    };
-    (0..problem.landmarks()).filter(is_on_view).collect()
 }

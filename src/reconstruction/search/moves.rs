@@ -69,7 +69,7 @@ pub fn moved_maps(
 }
 
 /// Distance over the size of the map below which a landmark is on a view: a descent leaves it there at some 1e-9.
-const ON_VIEW: f64 = 1e-6;
+pub const ON_VIEW: f64 = 1e-6;
 
 /// The map with the landmarks that are on a view put off it along their rays; `None` where there are none.
 ///
@@ -196,7 +196,7 @@ fn moves_of_views(problem: &Problem, map: &Map, slack: f64, options: &MoveOption
 }
 
 /// Direction of a measured bearing in the map.
-fn ray(rotation: &UnitComplex<f64>, sighting: &IndexedSighting) -> Vector2<f64> {
+pub fn ray(rotation: &UnitComplex<f64>, sighting: &IndexedSighting) -> Vector2<f64> {
     let ray = rotation.into_inner() * sighting.bearing.into_inner();
     Vector2::new(ray.re, ray.im)
 }

@@ -113,8 +113,9 @@ pub struct MoveOptions {
     pub back: [f64; 4],
     /// Range from a view, in sizes of the map, below which a landmark is exchanged with one at infinity.
     pub beside: f64,
-    /// Maximum number of such starts in a round, and of such exchanges: all ranges of eight landmarks, the nearest of
-    /// more.
+    /// Sightings up to which a landmark at infinity or on a view is tried on each of its other views.
+    pub few: usize,
+    /// Maximum number of each kind of these starts in a round: all ranges of eight landmarks, the nearest of more.
     pub most_back: usize,
 }
 
@@ -132,6 +133,7 @@ impl Default for MoveOptions {
             iterations: 10,
             back: [0.3, 1.0, 3.0, 10.0],
             beside: 0.1,
+            few: 4,
             most_back: 32,
         }
     }
