@@ -47,6 +47,12 @@ pub struct JudgeOptions {
     pub few_outliers: usize,
     /// Maximum number of views with which the search goes on because a map leaves something out.
     pub persistent_views: usize,
+    /// Uncertainty above which a map from partial sight is doubted: another may be as low.
+    pub doubtful: f64,
+    /// Alternative positions of landmarks and of views that are then tried.
+    pub doubtful_tried: usize,
+    /// By how much they may be worse with all else held fixed, as `partial_worth` of `MoveOptions`.
+    pub doubtful_worth: f64,
 }
 
 impl Default for JudgeOptions {
@@ -64,6 +70,9 @@ impl Default for JudgeOptions {
             explaining_rms: 0.1,
             collapsed: 1e-8,
             persistent_views: 100,
+            doubtful: 0.1,
+            doubtful_tried: 50,
+            doubtful_worth: 1e5,
         }
     }
 }

@@ -2,7 +2,7 @@
 //! Further searches where the first map fits worse than the stated standard deviations allow, or leaves something out.
 
 use super::attempt::{attempt, recoverable};
-use super::choice::{better, choose};
+use super::choice::{SAME_COST, better, choose};
 use super::incremental::complete::place_all;
 use super::incremental::heading_sweep::place_by_headings;
 use super::incremental::regrow::regrow;
@@ -12,6 +12,8 @@ use super::options::{Progress, SolveOptions, Strategy};
 use super::result::Reconstruction;
 use super::robust::solve::{check_sigmas, solve_robust};
 use super::search::plain::moved;
+use super::sight::filled;
+use super::stages::StageOptions;
 use super::strategy::{assembled, effective, finished, lowest};
 use crate::error::Error;
 use crate::lm::Loss;
@@ -34,7 +36,40 @@ pub fn solve(
 ) -> Result<Reconstruction, Error> {
     let best = lowest(problem, options, progress)?;
     let best = persist(problem, options, best, progress)?;
-    finished(problem, options, best, progress)
+    let best = finished(problem, options, best, progress)?;
+    if !is_doubtful(problem, options, &best) {
+        return Ok(best);
+    }
+    let JudgeOptions {
+        doubtful_tried,
+        doubtful_worth,
+        ..
+    } = options.stages.judge;
+    let mut thorough = *options;
+    thorough.stages.moves.tried = doubtful_tried;
+    thorough.stages.moves.partial_worth = doubtful_worth;
+    let found = moved(problem, best.clone(), &thorough, progress)?;
+    if !(found.cost < best.cost * SAME_COST) {
+        return Ok(best);
+    }
+    let found = recoverable(finished(problem, options, found, progress))?;
+    Ok(found.unwrap_or(best))
+}
+
+/// Whether a map from partial sight is so weakly determined that others may be as low.
+fn is_doubtful(problem: &Problem, options: &SolveOptions, best: &Reconstruction) -> bool {
+    let StageOptions { judge, moves, .. } = &options.stages;
+    best.uncertainty > judge.doubtful
+        && best.components.is_empty()
+        && problem.views() <= judge.persistent_views
+        && filled(problem) < moves.partial
+        && options.refine.loss == Loss::Squared
+        && !is_named(options.strategy)
+}
+
+/// Whether the caller has chosen one way to a map.
+fn is_named(strategy: Strategy) -> bool {
+    matches!(strategy, Strategy::FirstViews(_) | Strategy::Global)
 }
 
 /// The best of a map and of what further searches find, unless it is as good as the standard deviations predict.
@@ -49,8 +84,9 @@ fn persist(
     let is_lacking = |found: &Reconstruction, deviations| {
         is_too_costly(problem, found, deviations) || (few && is_incomplete(found))
     };
-    let named = matches!(options.strategy, Strategy::FirstViews(_) | Strategy::Global);
-    if named || options.refine.loss != Loss::Squared || !is_lacking(&best, judge.costly_deviations)
+    if is_named(options.strategy)
+        || options.refine.loss != Loss::Squared
+        || !is_lacking(&best, judge.costly_deviations)
     {
         return Ok(best);
     }

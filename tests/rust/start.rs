@@ -628,6 +628,22 @@ fn a_misfit_makes_the_search_go_on() {
     assert!(hasty > misses, "{hasty}");
 }
 
+/// Where partial sight hardly determines a map, others may be as low: more places are tried.
+#[test]
+fn a_doubtful_map_makes_the_search_go_on() {
+    let (problem, truth) = corridor(4691);
+    let best = refine(&problem, &truth, &RefineOptions::default(), None).unwrap();
+    let solved = |doubtful: f64| {
+        let mut options = SolveOptions::default();
+        options.stages.judge.doubtful = doubtful;
+        solve(&problem, &options, None).unwrap()
+    };
+    let trusted = solved(f64::INFINITY);
+    assert!(trusted.cost > best.cost * 1.1 && trusted.uncertainty > 0.1);
+    let found = solved(0.1);
+    assert!(found.cost < best.cost * (1.0 + 1e-5) && found.uncertainty < 0.1);
+}
+
 fn corridor(seed: u64) -> (Problem, Map) {
     let mut world = World::new(seed);
     for view in 0..8 {
