@@ -60,6 +60,8 @@ pub mod capi;
 #[cfg(feature = "alloc")]
 mod diagnosis;
 mod error;
+#[cfg(feature = "alloc")]
+mod fit;
 mod fixed;
 #[cfg(all(feature = "alloc", not(feature = "std")))]
 mod float;
@@ -90,6 +92,10 @@ pub use diagnosis::{
     ShapeOptions, VerdictOptions, diagnose, diagnose_with,
 };
 pub use error::{Degeneracy, Error};
+#[cfg(feature = "alloc")]
+pub use fit::{
+    Alarm, Checked, FitTest, GlobalTest, Observation, Redundancy, TestOptions, redundancy, test_fit,
+};
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{
     Bearing, Pose, align, bearing_to, is_ahead, pose, signed_angle, transform_pose, xytheta,

@@ -16,6 +16,7 @@ pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
 pub(crate) use magnitudes::check_sigma;
 pub use magnitudes::{DATA_MAGNITUDES, SIGMA_MAGNITUDES};
 pub use map::Map;
+pub(crate) use map::ON_VIEW;
 pub use noise::Noise;
 pub(crate) use priors::Prior;
 pub use priors::{LandmarkPrior, Odometry, PosePrior};

@@ -13,6 +13,7 @@ mod weak_directions;
 pub use covariance::{Covariance, covariance};
 pub use fix::Fix;
 pub use frame::Frame;
+pub(crate) use inverse_blocks::observe;
 pub(crate) use leverage::Leverage;
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;

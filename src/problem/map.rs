@@ -16,6 +16,9 @@ use alloc::vec::Vec;
 use core::fmt;
 use nalgebra::{Point2, Similarity2, Translation2, UnitComplex, Vector2};
 
+/// Distance over the size of the map below which a landmark is on a view: a descent leaves it there at some 1e-9.
+pub(crate) const ON_VIEW: f64 = 1e-6;
+
 /// Poses and landmarks; `None` where they are not determined.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
@@ -277,6 +280,33 @@ impl Map {
                 },
             })
             .collect()
+    }
+
+    /// The root mean square distance of the other views from the first; 1 for a single view.
+    pub(crate) fn size(&self) -> f64 {
+        let mut places = self
+            .poses
+            .iter()
+            .flatten()
+            .map(|pose| pose.translation.vector);
+        let Some(first) = places.next() else {
+            return 1.0;
+        };
+        let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| {
+            (sum + (place - first).norm_squared(), count + 1.0)
+        });
+        if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+    }
+
+    /// The landmarks that are closer than so much to a view that sees them.
+    pub(crate) fn landmarks_on_views(&self, problem: &Problem, range: f64) -> Vec<usize> {
+        let is_on_view = |landmark: &usize| {
+            let mut rays = self.rays(problem, *landmark);
+            self.landmarks[*landmark].is_some_and(|point| {
+                rays.any(|(pose, _)| (pose.translation.vector - point.coords).norm() < range)
+            })
+        };
+        (0..problem.landmarks()).filter(is_on_view).collect()
     }
 
     /// The determined views that see a landmark, with the sightings: the rays to triangulate it from.

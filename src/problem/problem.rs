@@ -235,6 +235,18 @@ impl Problem {
         self
     }
 
+    /// Whether the standard deviations of the bearings are stated: all of one radian only say that they are equal.
+    pub fn states_sigma(&self) -> bool {
+        self.sightings.iter().any(|s| s.weight != 1.0)
+    }
+
+    /// The same problem without one of the motions and priors.
+    pub(crate) fn without_prior(&self, place: usize) -> Self {
+        let mut rest = self.clone();
+        rest.priors.remove(place);
+        rest
+    }
+
     /// Odometry and priors.
     pub(crate) fn priors(&self) -> &[Prior] {
         &self.priors

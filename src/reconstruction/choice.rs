@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Comparison of maps: whether two are the same minimum, what each leaves unexplained, and which is the best.
 
-use super::judge::{
-    JudgeOptions, is_as_good, is_stated, is_too_costly, mean_weight, rounding, variance,
-};
+use super::judge::{JudgeOptions, is_as_good, is_too_costly, mean_weight, rounding, variance};
 use super::result::Reconstruction;
 use crate::adjustment::gauge::gauge_and_prior_numbers;
 use crate::error::{Degeneracy, Error};
@@ -24,7 +22,7 @@ pub fn same(a: &Map, b: &Map, options: &JudgeOptions) -> bool {
 
 /// Whether all poses of two maps in one frame differ by less than a bound, positions as a part of the size of the map.
 pub fn near(a: &Map, b: &Map, near: f64) -> bool {
-    let far = near * size(a);
+    let far = near * a.size();
     a.poses.iter().zip(&b.poses).all(|(a, b)| match (a, b) {
         (Some(a), Some(b)) => {
             (a.translation.vector - b.translation.vector).norm() < far
@@ -33,22 +31,6 @@ pub fn near(a: &Map, b: &Map, near: f64) -> bool {
         (None, None) => true,
         _ => false,
     })
-}
-
-/// The root mean square distance of the other views from the first; 1 for a single view.
-pub fn size(map: &Map) -> f64 {
-    let mut places = map
-        .poses
-        .iter()
-        .flatten()
-        .map(|pose| pose.translation.vector);
-    let Some(first) = places.next() else {
-        return 1.0;
-    };
-    let (sum, count) = places.fold((0.0, 0.0), |(sum, count), place| {
-        (sum + (place - first).norm_squared(), count + 1.0)
-    });
-    if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
 }
 
 /// What makes maps comparable that do not explain the same sightings: the cost of each with its components, and a price
@@ -62,7 +44,7 @@ pub fn prices(problem: &Problem, found: &[Reconstruction], options: &JudgeOption
     let telling = found.iter().filter(|found| 2 * found.freedom >= most);
     let expected = options.expected_noise * options.expected_noise;
     // Where no map fits the stated standard deviations, what a map leaves out must not cost more than what it explains badly.
-    let (floor, ceiling) = if is_stated(problem) {
+    let (floor, ceiling) = if problem.states_sigma() {
         (1.0, options.rival_ratio.max(1.0))
     } else {
         (expected, f64::INFINITY)
@@ -240,7 +222,7 @@ mod tests {
         };
         // All are five away from the first view.
         let base = map(0.0, -0.2, true);
-        assert!((size(&base) - 5.0).abs() < 1e-12);
+        assert!((base.size() - 5.0).abs() < 1e-12);
         for (x, heading, last, expected) in [
             (0.0499, -0.2, true, true),
             (0.0501, -0.2, true, false),
@@ -254,11 +236,11 @@ mod tests {
         assert!(near(&map(0.0, 0.0, false), &map(0.0, 0.0, false), 0.01));
         // A map of one view, or of one place, has no size of its own.
         let mut one = Map::empty(3, 0);
-        assert_eq!(size(&one), 1.0);
+        assert_eq!(one.size(), 1.0);
         one.poses[1] = Some(pose(7.0, 0.0, 0.0));
-        assert_eq!(size(&one), 1.0);
+        assert_eq!(one.size(), 1.0);
         one.poses[2] = one.poses[1];
-        assert_eq!(size(&one), 1.0);
+        assert_eq!(one.size(), 1.0);
     }
 
     /// The second map is better where it costs less, unless only it is too costly for what is stated.

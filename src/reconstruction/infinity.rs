@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Landmarks of which only the direction is known.
 
-use super::choice::size;
 use super::judge::variance;
 use super::result::Reconstruction;
 use crate::geometry::points::{median, middle};
@@ -68,7 +67,7 @@ pub fn drop_landmarks_at_infinity(
 /// refinement.
 pub fn with_landmarks_at_infinity(problem: &Problem, found: &Reconstruction, sizes: f64) -> Map {
     let mut map = found.map.clone();
-    let range = sizes * size(&map);
+    let range = sizes * map.size();
     for landmark in listed_at_infinity(found) {
         map.landmarks[landmark] = far_out(problem, &found.map, landmark, range);
     }
@@ -398,7 +397,7 @@ mod tests {
         let away = back.landmarks[8].unwrap().coords;
         let expected = whole.landmarks[8].unwrap().coords.normalize();
         assert!((away.normalize() - expected).norm() < 0.1, "{away}");
-        assert!(away.norm() > 20.0 * size(&back));
+        assert!(away.norm() > 20.0 * back.size());
     }
 
     /// Once the farthest are gone, the map is smaller, and others are beyond its horizon.

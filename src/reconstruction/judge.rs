@@ -94,8 +94,9 @@ pub fn is_as_good(variance: f64, least: f64, ratio: f64, rounding: f64) -> bool 
     variance <= ratio * least + rounding
 }
 
-/// Fills in sensitivity and uncertainty.
+/// Counts the degrees of freedom of a final map, and fills in sensitivity and uncertainty.
 pub fn assess(problem: &Problem, found: &mut Reconstruction) {
+    found.count_directions(problem);
     found.sensitivity = sensitivity(problem, &found.map);
     if found.freedom > 0 {
         found.uncertainty = found.sensitivity * variance(found).sqrt();
@@ -162,16 +163,11 @@ pub fn is_plausible(found: &Reconstruction, options: &JudgeOptions) -> bool {
             && deviation * deviation <= bound * bound * 2.0 * freedom)
 }
 
-/// Whether the standard deviations of the bearings are stated: all of one radian only say that they are equal.
-pub fn is_stated(problem: &Problem) -> bool {
-    problem.sightings().iter().any(|s| s.weight != 1.0)
-}
-
 /// Whether the cost of a map exceeds what the stated standard deviations predict by more than this many standard
 /// deviations of it.
 pub fn is_too_costly(problem: &Problem, found: &Reconstruction, bound: f64) -> bool {
     let freedom = found.freedom as f64;
-    is_stated(problem)
+    problem.states_sigma()
         && 2.0 * found.cost - freedom > bound * (2.0 * freedom).sqrt() + bound * bound
 }
 
@@ -186,7 +182,7 @@ pub fn is_excess_plausible(
 ) -> bool {
     let added = added as f64;
     let allowed = added + deviations * (2.0 * added).sqrt() + deviations * deviations;
-    let floor = if is_stated(problem) { 1.0 } else { 0.0 };
+    let floor = if problem.states_sigma() { 1.0 } else { 0.0 };
     excess <= allowed * (variance.max(floor) + rounding(mean_weight(problem)))
 }
 
@@ -320,6 +316,7 @@ mod tests {
         found.freedom = 0;
         assert_eq!(variance(&found), 64.0);
         found.uncertainty = f64::NAN;
+        found.inliers.fill(false);
         assess(&problem, &mut found);
         assert!(found.uncertainty.is_nan());
     }
@@ -378,7 +375,7 @@ mod tests {
         let (problem, mut found) = setting(0.01);
         let options = JudgeOptions::default();
         let unstated = Problem::dense(1, 2, &[0.1, 0.2], 1.0).unwrap();
-        assert!(is_stated(&problem) && !is_stated(&unstated));
+        assert!(problem.states_sigma() && !unstated.states_sigma());
         found.freedom = 50;
         found.termination = Termination::Converged;
         // (deviations, plausible, plausible with priors, too costly by two, by three)

@@ -6,7 +6,7 @@ use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Termination};
-use crate::problem::{Count, Map, Missing, Problem, Subject, Undetermined};
+use crate::problem::{Count, Map, Missing, ON_VIEW, Problem, Subject, Undetermined, Why};
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -35,8 +35,11 @@ pub struct Reconstruction {
     pub inliers: Vec<bool>,
     /// Degrees of freedom (redundancy): inliers between determined views and landmarks, plus the numbers
     /// that odometry and priors measure, minus the parameters without those of the gauge (four for bearings
-    /// alone).
+    /// alone). A landmark at infinity, or on a view that sees it, is one parameter.
     pub freedom: usize,
+    /// The loss of the refinement; with [`SolveOptions::robust`](crate::SolveOptions::robust) that of a truncation at
+    /// three sigma.
+    pub loss: Loss,
     /// How the refinement ended.
     pub termination: Termination,
     /// Linear systems that the refinement solved.
@@ -65,7 +68,7 @@ pub(super) const ROUNDED: f64 = 1e-9;
 
 impl Reconstruction {
     /// Normalises a map and computes its residuals.
-    pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
+    pub(crate) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
         let map = in_reported_frame(problem, map);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let mut inliers = alloc::vec![false; residuals.len()];
@@ -95,6 +98,7 @@ impl Reconstruction {
             inliers,
             residuals,
             map,
+            loss: report.loss,
             termination: report.termination,
             iterations: report.iterations,
             undetermined: report.undetermined,
@@ -116,6 +120,20 @@ impl Reconstruction {
             })
         });
         self.components = components;
+    }
+
+    /// Counts a landmark at infinity, or on a view that sees it, as the one parameter that it is: its direction. Those at
+    /// infinity have been removed from the map.
+    pub(super) fn count_directions(&mut self, problem: &Problem) {
+        let lost = self.undetermined.iter();
+        let at_infinity = lost.filter(|one| {
+            matches!(one.subject, Subject::Landmark(_)) && one.why == Why::AtInfinity
+        });
+        let on_views = self
+            .map
+            .landmarks_on_views(problem, ON_VIEW * self.map.size());
+        let all = freedom(problem, &self.map, &self.inliers) + on_views.len();
+        self.freedom = all.saturating_sub(at_infinity.count());
     }
 }
 
@@ -179,7 +197,7 @@ fn freedom(problem: &Problem, map: &Map, inliers: &[bool]) -> usize {
 mod tests {
     use super::*;
     use crate::geometry::pose;
-    use crate::problem::{Sighting, Why};
+    use crate::problem::Sighting;
     use crate::simulate::{Arena, Layout, simulate};
     use alloc::string::ToString;
     use nalgebra::Point2;
@@ -193,6 +211,7 @@ mod tests {
             residuals: Vec::new(),
             inliers: Vec::new(),
             freedom: 0,
+            loss: Loss::Squared,
             termination: Termination::Converged,
             iterations: 6,
             undetermined: alloc::vec![Undetermined {
@@ -335,6 +354,35 @@ mod tests {
         let problem = problem.with_odometry(&odometry).unwrap();
         // It has three numbers for each motion, and fixes the scale.
         assert_eq!(freedom(&problem, &map, &seen), 40 + 12 + 3 - 15 - 16);
+    }
+
+    /// A landmark at infinity, or on a view, is one parameter.
+    #[test]
+    fn directions_are_one_parameter() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let report = Report {
+            cost: f64::NAN,
+            termination: Termination::NotRefined,
+            iterations: 0,
+            undetermined: Vec::new(),
+            loss: Loss::Squared,
+        };
+        let mut found = Reconstruction::new(&problem, &scene.map(), report);
+        let all = found.freedom;
+        found.count_directions(&problem);
+        assert_eq!(found.freedom, all);
+        let on_view = found.map.poses[1].unwrap().translation.vector;
+        found.map.landmarks[2] = Some(on_view.into());
+        found.map.landmarks[4] = None;
+        found.undetermined.push(Undetermined {
+            subject: Subject::Landmark(4),
+            why: Why::AtInfinity,
+        });
+        for _ in 0..2 {
+            found.count_directions(&problem);
+            assert_eq!(found.freedom, all + 2);
+        }
     }
 
     /// The cost that the refinement reports stands unless that of the map in its frame differs by more than rounding.

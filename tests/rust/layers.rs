@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 47] = [
+const LAYERS: [&str; 48] = [
     "scalar",
     "float",
     "error",
@@ -50,6 +50,7 @@ const LAYERS: [&str; 47] = [
     "reconstruction/home",
     "reconstruction/alternatives",
     "reconstruction/solve",
+    "fit",
     "diagnosis/options",
     "diagnosis/finding",
     "diagnosis/sentences",

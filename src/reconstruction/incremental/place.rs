@@ -4,7 +4,6 @@
 //! When a landmark is so close to a view that noise decides on which side it lies, the closed forms may put it behind
 //! the view; the mirrored place, which puts it ahead, is tried as well.
 
-use super::super::choice::size;
 use super::super::infinity::far_out;
 use super::gates::Fit;
 use crate::geometry::Pose;
@@ -68,7 +67,7 @@ pub fn place_far_out(
     landmark: usize,
     sizes: f64,
 ) -> Option<(Point2<f64>, Fit)> {
-    let place = far_out(problem, map, landmark, sizes * size(map))?;
+    let place = far_out(problem, map, landmark, sizes * map.size())?;
     Some((place, Fit::of_landmark(problem, map, landmark, &place)))
 }
 

@@ -9,7 +9,7 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::behind::without_landmarks_behind;
-use super::super::choice::{SAME_COST, choose, prices, size};
+use super::super::choice::{SAME_COST, choose, prices};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
 use super::super::infinity::drop_landmarks_at_infinity;
@@ -313,7 +313,7 @@ impl Attempts<'_, '_> {
             if best.cost == 0.0 || best.termination == Termination::ZeroResidual {
                 break;
             }
-            let size = size(&best.map);
+            let size = best.map.size();
             let moves = MoveOptions {
                 off: moves.off * size,
                 away: moves.away * size,

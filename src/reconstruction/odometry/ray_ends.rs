@@ -6,10 +6,10 @@
 
 use super::super::infinity::{drop_landmarks_at_infinity, far_out, listed_at_infinity};
 use super::super::result::Reconstruction;
-use super::super::search::moves::{ON_VIEW, ray};
+use super::super::search::moves::ray;
 use super::super::search::options::MoveOptions;
 use super::super::stages::StageOptions;
-use crate::problem::{Map, Problem};
+use crate::problem::{Map, ON_VIEW, Problem};
 use alloc::vec::Vec;
 use nalgebra::Point2;
 
@@ -39,9 +39,11 @@ pub fn other_ends(
         size,
         options,
         at_infinity: listed_at_infinity(&dropped).collect(),
-        on_views: landmarks_on_views(problem, &dropped.map, ON_VIEW * size),
+        on_views: dropped.map.landmarks_on_views(problem, ON_VIEW * size),
     };
-    let beside = landmarks_on_views(problem, &dropped.map, options.beside * size);
+    let beside = dropped
+        .map
+        .landmarks_on_views(problem, options.beside * size);
     let mut maps: Vec<Map> = ends.back().take(most).collect();
     maps.extend(ends.exchanged(&beside).take(most));
     maps.extend(ends.onto_views().take(most));
@@ -119,17 +121,6 @@ impl Ends<'_> {
     }
 }
 
-/// The landmarks that are closer than so much to a view that sees them.
-fn landmarks_on_views(problem: &Problem, map: &Map, range: f64) -> Vec<usize> {
-    let is_on_view = |landmark: &usize| {
-        let mut rays = map.rays(problem, *landmark);
-        map.landmarks[*landmark].is_some_and(|point| {
-            rays.any(|(pose, _)| (pose.translation.vector - point.coords).norm() < range)
-        })
-    };
-    (0..problem.landmarks()).filter(is_on_view).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,6 +185,6 @@ mod tests {
         let exchanged = moved(&mut ends.exchanged(&[0]));
         let pair = |far| vec![ends.out(0, 30.0).unwrap(), ends.out(far, 0.3).unwrap()];
         assert_eq!(exchanged, [pair(1), pair(2)]);
-        assert_eq!(landmarks_on_views(&problem, &map, 1e-6), [0]);
+        assert_eq!(map.landmarks_on_views(&problem, 1e-6), [0]);
     }
 }

@@ -19,6 +19,7 @@ use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use super::toggle::toggle;
 use crate::error::{Degeneracy, Error};
+use crate::lm::Loss;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -351,6 +352,7 @@ pub fn reconstruction(
     assess(&kept, &mut found);
     // Of the map as it is reported: the change of frame may round.
     found.cost = cost(problem, &map, OUTLIER);
+    found.loss = Loss::Truncated(OUTLIER);
     found.residuals = vec![None; problem.sightings().len()];
     found.inliers = vec![false; problem.sightings().len()];
     let residuals = map.residuals(problem).zip(&best.inliers);

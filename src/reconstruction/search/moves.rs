@@ -5,12 +5,11 @@
 //! with the landmarks held fixed, that of a view at each landmark that it sees. Two minima of the whole often differ in
 //! one such position and little else, and no hypothesis that is linear in the landmarks distinguishes them.
 
-use super::super::choice::size;
 use super::super::sight::filled;
 use super::options::MoveOptions;
 use crate::geometry::Pose;
 use crate::kernels::triangulate;
-use crate::problem::{IndexedSighting, Map, Problem};
+use crate::problem::{IndexedSighting, Map, ON_VIEW, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2, UnitComplex, Vector2};
@@ -68,14 +67,11 @@ pub fn moved_maps(
     changed.collect()
 }
 
-/// Distance over the size of the map below which a landmark is on a view: a descent leaves it there at some 1e-9.
-pub const ON_VIEW: f64 = 1e-6;
-
 /// The map with the landmarks that are on a view put off it along their rays; `None` where there are none.
 ///
 /// On its view a landmark may be at a saddle: no short step lowers the cost, and a longer one does.
 pub fn off_views(problem: &Problem, map: &Map, options: &MoveOptions) -> Option<Map> {
-    let size = size(map);
+    let size = map.size();
     let mut off = None;
     for s in problem.sightings() {
         let (Some(pose), Some(point)) = (map.poses[s.view], map.landmarks[s.landmark]) else {

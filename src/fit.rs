@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Test of the fit: whether the residuals of a map are what the stated standard deviations predict, and which
+//! observation is at fault.
+
+mod data_snooping;
+pub(crate) mod distributions;
+mod global_test;
+mod redundancy;
+
+pub use data_snooping::{Alarm, FitTest, Observation, TestOptions, test_fit};
+pub use global_test::GlobalTest;
+pub use redundancy::{Checked, Redundancy, redundancy};
