@@ -5,6 +5,7 @@
 
 mod diagnose;
 mod finding;
+mod fit_findings;
 mod maps;
 mod options;
 mod parts;
@@ -15,6 +16,7 @@ mod verdict;
 
 pub use diagnose::{diagnose, diagnose_with};
 pub use finding::{Finding, Kind, Severity};
+pub use fit_findings::fit_findings;
 pub use options::{DiagnosisOptions, MapOptions, ShapeOptions, VerdictOptions};
 pub use parts::components::Part;
 pub use report::{Diagnosis, NullDirection};

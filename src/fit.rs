@@ -4,9 +4,11 @@
 
 mod data_snooping;
 pub(crate) mod distributions;
+mod expected_error;
 mod global_test;
 mod redundancy;
 
 pub use data_snooping::{Alarm, FitTest, Observation, TestOptions, test_fit};
+pub use expected_error::expected_error;
 pub use global_test::GlobalTest;
 pub use redundancy::{Checked, Redundancy, redundancy};

@@ -89,12 +89,13 @@ pub use batch::{solve_batch, three_view_batch};
 #[cfg(feature = "alloc")]
 pub use diagnosis::{
     Diagnosis, DiagnosisOptions, Finding, Kind, MapOptions, NullDirection, Part, Severity,
-    ShapeOptions, VerdictOptions, diagnose, diagnose_with,
+    ShapeOptions, VerdictOptions, diagnose, diagnose_with, fit_findings,
 };
 pub use error::{Degeneracy, Error};
 #[cfg(feature = "alloc")]
 pub use fit::{
-    Alarm, Checked, FitTest, GlobalTest, Observation, Redundancy, TestOptions, redundancy, test_fit,
+    Alarm, Checked, FitTest, GlobalTest, Observation, Redundancy, TestOptions, expected_error,
+    redundancy, test_fit,
 };
 pub use fixed::{Branch, FixedMap, Workspace};
 pub use geometry::{

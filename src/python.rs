@@ -8,6 +8,8 @@
 mod convert;
 mod diagnose;
 mod errors;
+mod finding;
+mod fit;
 mod geometry;
 mod observer;
 mod reconstruction;
@@ -37,6 +39,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solve::solve, module)?)?;
     module.add_function(wrap_pyfunction!(solve::defaults, module)?)?;
     module.add_function(wrap_pyfunction!(solve::refine, module)?)?;
+    module.add_function(wrap_pyfunction!(fit::redundancy, module)?)?;
+    module.add_function(wrap_pyfunction!(fit::expected_error, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::odometry, module)?)?;
     module.add_function(wrap_pyfunction!(three_view::three_view_batch, module)?)?;

@@ -16,17 +16,27 @@ True
 from bearslam._core import __version__
 from bearslam.data.align import Similarity, align
 from bearslam.data.estimate import Undetermined
+from bearslam.data.finding import Finding
 from bearslam.data.fix import Fix
 from bearslam.data.options import RefineOptions, SearchOptions
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import Problem
 from bearslam.data.sightings import Offsets, Sightings
-from bearslam.errors import BearslamError, DegenerateError, ExecutorError, InvalidInputError
+from bearslam.errors import (
+    AmbiguousWarning,
+    BearslamError,
+    BearslamWarning,
+    DegenerateError,
+    ExecutorError,
+    InvalidInputError,
+    NotConvergedWarning,
+    PoorFitWarning,
+)
 from bearslam.io.files import load, save
 from bearslam.io.truth import load_truth
 from bearslam.montecarlo.sweep_result import SweepResult
 from bearslam.reconstruction import Reconstruction
-from bearslam.verbs.diagnose import Diagnosis, Finding, NullDirection, diagnose
+from bearslam.verbs.diagnose import Diagnosis, NullDirection, diagnose
 from bearslam.verbs.resect import resect
 from bearslam.verbs.simulate import Scene, simulate
 from bearslam.verbs.solve import initialize, refine, solve
@@ -42,7 +52,9 @@ from bearslam.verbs.three_view import (
 from bearslam.verbs.triangulate import triangulate
 
 __all__ = [
+    "AmbiguousWarning",
     "BearslamError",
+    "BearslamWarning",
     "DegenerateError",
     "Diagnosis",
     "ExecutorError",
@@ -50,9 +62,11 @@ __all__ = [
     "Fix",
     "InvalidInputError",
     "LandmarkPriors",
+    "NotConvergedWarning",
     "NullDirection",
     "Odometry",
     "Offsets",
+    "PoorFitWarning",
     "PosePriors",
     "Problem",
     "Reconstruction",

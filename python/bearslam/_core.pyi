@@ -60,6 +60,9 @@ class RawReconstruction(TypedDict):
     freedom: int
     sensitivity: float
     uncertainty: float
+    sigma0: float
+    p_value: float
+    findings: list[RawFinding]
     converged: bool
     termination: str
     iterations: int
@@ -111,6 +114,19 @@ class RawDiagnosis(TypedDict):
     findings: list[RawFinding]
     text: str
 
+@type_check_only
+class RawRedundancy(TypedDict):
+    sightings: tuple[_Float, _Float]
+    odometry: tuple[_Float, _Float]
+    pose_priors: tuple[_Float, _Float]
+    landmark_priors: tuple[_Float, _Float]
+
+def redundancy(
+    request: Request, poses: _Float, landmarks: _Float, inliers: NDArray[np.bool_]
+) -> RawRedundancy: ...
+def expected_error(
+    request: Request, poses: _Float, landmarks: _Float, inliers: NDArray[np.bool_], sigma0: float
+) -> float: ...
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
 def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...
 def epipoles(tensor: _Float) -> _Float: ...

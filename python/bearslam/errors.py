@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The exceptions of the package: bad input and degenerate geometry are told apart by type.
+"""The exceptions and warnings of the package: bad input and degenerate geometry are told apart by type.
 
 This is the lowest layer, so the results that errors carry are typed as `object` here; the docstrings say what they are.
 """
@@ -9,7 +9,16 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-__all__ = ["BearslamError", "DegenerateError", "ExecutorError", "InvalidInputError"]
+__all__ = [
+    "AmbiguousWarning",
+    "BearslamError",
+    "BearslamWarning",
+    "DegenerateError",
+    "ExecutorError",
+    "InvalidInputError",
+    "NotConvergedWarning",
+    "PoorFitWarning",
+]
 
 
 class BearslamError(Exception):
@@ -77,3 +86,22 @@ class ExecutorError(BearslamError, RuntimeError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), result=self.result), self.args, self.__dict__
+
+
+class BearslamWarning(UserWarning):
+    """Base class of the warnings of bearslam: reasons not to trust a result.
+
+    ``warnings.simplefilter("error", BearslamWarning)`` makes errors of them.
+    """
+
+
+class PoorFitWarning(BearslamWarning):
+    """The residuals are larger than the stated standard deviations allow, or an observation contradicts the others."""
+
+
+class NotConvergedWarning(BearslamWarning):
+    """The refinement has not ended in a minimum."""
+
+
+class AmbiguousWarning(BearslamWarning):
+    """Other maps explain the measurements nearly as well: the `alternatives`."""

@@ -6,9 +6,16 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from bearslam.data.estimate import Estimate, Termination, Undetermined
+import numpy as np
+from numpy.typing import NDArray
+
+from bearslam import _core
+from bearslam.data.checks import FloatArray
+from bearslam.data.estimate import Estimate, Termination, Undetermined, per_sighting
+from bearslam.data.finding import findings
 from bearslam.data.maps import MapLike
 from bearslam.data.options import CovarianceFrame, Settings
 from bearslam.data.request import Request
@@ -19,7 +26,25 @@ if TYPE_CHECKING:
 
     from bearslam._core import RawReconstruction
 
-__all__ = ["Reconstruction", "best_with_alternatives", "from_core"]
+__all__ = ["Observations", "Reconstruction", "best_with_alternatives", "from_core"]
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """A number for each observation of a problem.
+
+    Attributes
+    ----------
+    sightings : (m, n) or (k,) ndarray
+        In the shape of the problem; NaN where nothing was seen.
+    odometry, pose_priors, landmark_priors : (k,) ndarray
+        In their order; empty where there are none.
+    """
+
+    sightings: FloatArray
+    odometry: FloatArray
+    pose_priors: FloatArray
+    landmark_priors: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +59,9 @@ class Reconstruction(Estimate):
         The map.
     sightings, residuals, inliers, cost, rms, freedom
         How well it explains the bearings.
-    sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
+    sigma0, p_value, findings, redundancy, standardized_residuals
+        Whether the residuals are what the standard deviations predict.
+    expected_error, sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
         How well the bearings determine it.
     converged, termination, iterations
         How the refinement ended.
@@ -50,6 +77,59 @@ class Reconstruction(Estimate):
 
     alternatives: tuple[Reconstruction, ...] = ()
     components: tuple[Reconstruction, ...] = ()
+
+    @cached_property
+    def redundancy(self) -> Observations:
+        """The share of an error of each observation that its residual shows: 0 where nothing checks it, 1 where the map
+        does not depend on it. Of a motion or a prior the mean over its numbers. NaN of outliers, and of what the map
+        does not contain. Computed when it is first read.
+        """
+        return self._checked[0]
+
+    @cached_property
+    def standardized_residuals(self) -> Observations:
+        """Residuals over their own standard deviations, r / (sigma sqrt(redundancy)): standard normal where the
+        standard deviations are right (Baarda's w-test). Of a motion or a prior the value without sign that a normal
+        variable exceeds as rarely as it. NaN where nothing checks the observation. Computed when it is first read.
+        """
+        return self._checked[1]
+
+    @cached_property
+    def expected_error(self) -> float:
+        """Predicted root-mean-square error of the landmarks once the map is aligned with the truth, as a share of their
+        root-mean-square distance from their centroid, for the standard deviations stated, or those that the residuals
+        have if they are larger. Computed when it is first read.
+        """
+        return _core.expected_error(*self._in_core, self.sigma0)
+
+    @property
+    def _in_core(self) -> tuple[Request, FloatArray, FloatArray, NDArray[np.bool_]]:
+        """The problem, the map and its inliers as the core reads them."""
+        request = Request(
+            self.sightings,
+            None,
+            loss="squared",
+            oriented=self.oriented,
+            odometry=self.odometry,
+            pose_priors=self.pose_priors,
+            landmark_priors=self.landmark_priors,
+        )
+        request.views, request.landmarks = len(self.poses), len(self.landmarks)
+        return request, self.poses, self.landmarks, per_sighting(self, self.inliers)
+
+    @cached_property
+    def _checked(self) -> tuple[Observations, Observations]:
+        raw = _core.redundancy(*self._in_core)
+        both = []
+        for which in (0, 1):
+            sightings = raw["sightings"][which]
+            if self.residuals.ndim == 2:
+                table = np.full(self.residuals.shape, np.nan)
+                table[self.sightings.view, self.sightings.landmark] = sightings
+                sightings = table
+            others = (raw[kind][which] for kind in ("odometry", "pose_priors", "landmark_priors"))
+            both.append(Observations(sightings, *others))
+        return both[0], both[1]
 
     def plot(self, ax: Axes | None = None, truth: MapLike | None = None) -> Axes:
         """Draw the map: views as triangles that point along their headings, landmarks, and the bearings as rays.
@@ -183,6 +263,9 @@ def from_core(
         rms=raw["rms"],
         sensitivity=raw["sensitivity"],
         uncertainty=raw["uncertainty"],
+        sigma0=raw["sigma0"],
+        p_value=raw["p_value"],
+        findings=findings(raw["findings"]),
         converged=raw["converged"],
         termination=cast("Termination", raw["termination"]),
         iterations=raw["iterations"],

@@ -76,7 +76,15 @@ pub enum Kind {
     /// Another map, such as the mirror image of three views, explains the bearings nearly as well.
     SecondSolution,
     /// No map has been found that explains the bearings.
+    UnexplainedBearings,
+    /// The residuals are too large for the stated standard deviations.
     PoorFit,
+    /// An observation contradicts the others.
+    Blunder,
+    /// The residuals are somewhat larger than the stated standard deviations predict.
+    UnderstatedSigma,
+    /// The residuals are smaller than the stated standard deviations predict.
+    OverstatedSigma,
     /// No examination of a map was possible: only the sightings have been counted.
     NotExamined,
 }

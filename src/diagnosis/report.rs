@@ -67,8 +67,15 @@ const MAX_LISTED: usize = 4;
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = match self.worst() {
-            _ if self.find(Kind::PoorFit).is_some() => "no map that explains them",
+            _ if self.find(Kind::UnexplainedBearings).is_some() => "no map that explains them",
             Some(Severity::Error) => "not determined",
+            _ if self
+                .find(Kind::PoorFit)
+                .or(self.find(Kind::Blunder))
+                .is_some() =>
+            {
+                "determined, but observations contradict each other"
+            }
             Some(Severity::Warning) => "determined, but weakly",
             _ => "determined",
         };

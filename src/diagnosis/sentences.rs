@@ -30,7 +30,7 @@ pub enum Case {
 /// advice follow from counting: a new landmark takes two sightings to place it and a new view three; each sighting
 /// beyond these fixes one direction.
 #[rustfmt::skip]
-const TABLE: [(Kind, &str, &str, &str); 24] = [
+const TABLE: [(Kind, &str, &str, &str); 28] = [
     (Kind::TooFewSightings, "too_few_sightings",
         "{all} {have} too few sightings to be placed",
         "A view needs three landmarks that are placed, a landmark two views."),
@@ -110,9 +110,22 @@ const TABLE: [(Kind, &str, &str, &str); 24] = [
     (Kind::SecondSolution, "second_solution",
         "another map explains the bearings nearly as well, with residuals {margin} times as large",
         "Add a view that sees five of the landmarks: it decides between the two."),
-    (Kind::PoorFit, "poor_fit",
+    (Kind::UnexplainedBearings, "unexplained_bearings",
         "the map leaves residuals of {rms} degrees, too large for its shape to mean anything",
         "Look for wrong correspondences, or give a better map."),
+    (Kind::PoorFit, "poor_fit",
+        "the residuals are {ratio} times as large as the stated standard deviations predict",
+        "Look for wrong bearings (or solve robustly), mistaken landmarks, wrong odometry or priors, or state a larger \
+         standard deviation."),
+    (Kind::Blunder, "blunder",
+        "the {observation} contradicts the others: its residual is {standardized} times what they let it be",
+        "Check it, or leave it out."),
+    (Kind::UnderstatedSigma, "understated_sigma",
+        "the residuals are {ratio} times as large as the stated standard deviations predict",
+        "State larger ones; covariances are too small by the square of this."),
+    (Kind::OverstatedSigma, "overstated_sigma",
+        "the residuals are only {ratio} times as large as the stated standard deviations predict",
+        "State smaller ones; covariances are too large by the square of this."),
     (Kind::NotExamined, "not_examined",
         "only the sightings have been counted: {why}",
         ""),
@@ -352,7 +365,7 @@ mod tests {
     /// Every word in braces is a fact of all findings, or one of those that are given.
     #[test]
     fn texts_are_filled() {
-        let given = "parts first missing seen unknowns why noise share margin rms";
+        let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized";
         let given = given.split(' ').chain([
             "few views",
             "few landmarks",

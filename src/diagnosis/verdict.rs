@@ -6,6 +6,7 @@
 //! equations.
 
 use super::finding::{Finding, Kind, Severity, apart};
+use super::fit_findings::findings_at;
 use super::maps::choose::{Chosen, Evidence};
 use super::parts::counting::{concerning, missing};
 use super::parts::subproblem::SubProblem;
@@ -48,7 +49,11 @@ impl SubProblem {
             Evidence::Map { map, lost, margin } => (map, lost, *margin),
         };
         self.report_absent(map, lost, Case::Usual, diagnosis);
-        diagnosis.findings.extend(self.poor_fit(map));
+        let unexplained = self.unexplained(map);
+        if unexplained.is_none() && !hopeless {
+            diagnosis.findings.extend(self.fit(map)?);
+        }
+        diagnosis.findings.extend(unexplained);
         match NormalizedMap::of_map(&self.problem, map) {
             None => diagnosis
                 .findings
@@ -97,12 +102,20 @@ impl SubProblem {
         }
     }
 
-    fn poor_fit(&self, map: &Map) -> Option<Finding> {
+    fn unexplained(&self, map: &Map) -> Option<Finding> {
         let (rms, _) = self.rms_and_noise(map);
         let told = format!("{:.1}", rms.to_degrees());
-        let (kind, severity) = (Kind::PoorFit, Severity::Warning);
+        let (kind, severity) = (Kind::UnexplainedBearings, Severity::Warning);
         (rms > self.options.verdict.max_rms)
             .then(|| self.about_all(Case::Usual, kind, severity, &[("rms", told)]))
+    }
+
+    /// The findings of the test of the fit.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] when the normal equations do not fit into memory.
+    pub fn fit(&self, map: &Map) -> Result<Vec<Finding>, Error> {
+        findings_at(&self.problem, map, &|subject| self.outer(subject))
     }
 
     fn second_solution(&self, margin: f64) -> Finding {

@@ -9,7 +9,7 @@ use crate::adjustment::refine_map;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-use crate::lm::{Loss, RefineOptions};
+use crate::lm::{Loss, RefineOptions, Termination};
 use crate::problem::{Prior, Problem};
 use crate::reconstruction::Reconstruction;
 use alloc::vec::Vec;
@@ -88,7 +88,7 @@ pub enum Alarm {
 pub struct FitTest {
     /// The test of all observations together.
     pub global: GlobalTest,
-    /// What is wrong; empty where nothing is, or no standard deviations are stated.
+    /// What is wrong; empty where nothing is, no standard deviations are stated, or the map has not been refined.
     pub alarms: Vec<Alarm>,
 }
 
@@ -126,7 +126,8 @@ pub fn test_fit(
 ) -> Result<FitTest, Error> {
     let global = GlobalTest::of(problem, found);
     let mut alarms = Vec::new();
-    if global.p_value.is_nan() {
+    // The tests are those of a minimum.
+    if global.p_value.is_nan() || found.termination == Termination::NotRefined {
         return Ok(FitTest { global, alarms });
     }
     let freedom = global.freedom as f64;
@@ -279,12 +280,10 @@ impl Left {
                 self.problem = self.problem.without_prior(place);
             }
         }
-        let order = self.problem.input_order().iter();
-        let kept: Vec<bool> = order.map(|&place| self.inliers[place]).collect();
-        let inner = self.problem.subset(&kept);
+        let inner = self.problem.of_inliers(&self.inliers)?;
         match refine_map(&inner, &mut self.map, &RefineOptions::default(), None) {
             Ok(report) if report.undetermined.is_empty() => {
-                let rest = Reconstruction::new(&inner, &self.map, report);
+                let rest = Reconstruction::tested(&inner, &self.map, report);
                 (self.square, self.freedom) = (2.0 * rest.cost, rest.freedom);
                 Ok(true)
             }
@@ -297,7 +296,6 @@ impl Left {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lm::Termination;
     use crate::problem::{Noise, PosePrior};
     use crate::reconstruction::{SolveOptions, solve};
     use crate::simulate::{Arena, Layout, simulate};

@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, DVector};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Checked {
     /// The share of an error of the observation that its residual shows: 0 where nothing checks it, 1 where the map does
-    /// not depend on it. Of odometry and priors the mean over their numbers.
+    /// not depend on it. Of odometry and priors the mean over their numbers, NaN where they have none.
     pub redundancy: f64,
     /// Residual over its own standard deviation, `r / (sigma sqrt(redundancy))`: standard normal where the
     /// standard deviations are right. Of odometry and priors the value without sign that a normal variable exceeds as
@@ -83,16 +83,7 @@ pub fn redundancy(
     mut observer: Option<Observer<'_>>,
 ) -> Result<Redundancy, Error> {
     map.check(problem)?;
-    let order = problem.input_order();
-    if inliers.len() != order.len() {
-        return Err(Error::LengthMismatch {
-            what: "inliers",
-            expected: order.len(),
-            got: inliers.len(),
-        });
-    }
-    let kept: Vec<bool> = order.iter().map(|&place| inliers[place]).collect();
-    let inner = problem.subset(&kept);
+    let inner = problem.of_inliers(inliers)?;
     let active = map.restrict(&inner);
     let bundle = Bundle::from_map(map);
     let mut rows = Rows::of(&active);
@@ -123,8 +114,8 @@ pub fn redundancy(
     all.extend(rows.priors.iter().map(|row| Observed::of_prior(views, row)));
     let mut checked = checked(&normal, &all, &mut observer)?.into_iter();
     let mut found = Redundancy::empty(problem);
-    for ((s, &place), &kept) in problem.sightings().iter().zip(order).zip(&kept) {
-        if kept && map.poses[s.view].is_some() && map.landmarks[s.landmark].is_some() {
+    for (s, &place) in problem.sightings().iter().zip(problem.input_order()) {
+        if inliers[place] && map.poses[s.view].is_some() && map.landmarks[s.landmark].is_some() {
             found.sightings[place] = checked.next();
         }
     }
@@ -206,6 +197,13 @@ impl Observed {
     /// How far the others check it, given what they and it together let its numbers be.
     fn checked(&self, leverage: &DMatrix<f64>) -> Checked {
         let count = self.rows.len();
+        // A prior that knows nothing.
+        if count == 0 {
+            return Checked {
+                redundancy: f64::NAN,
+                standardized: f64::NAN,
+            };
+        }
         let spare = DMatrix::identity(count, count) - leverage;
         let redundancy = (spare.trace() / count as f64).clamp(0.0, 1.0);
         if let [residual] = self.residuals[..] {
@@ -310,6 +308,7 @@ mod tests {
             pose(4, [0.1; 3]),
             pose(0, [0.1, unknown, unknown]),
             pose(2, [0.1, 0.2, 0.05]),
+            pose(1, [unknown; 3]),
         ];
         problem = problem.with_pose_priors(&poses).unwrap();
         let landmark = |landmark: usize| LandmarkPrior {
@@ -348,16 +347,17 @@ mod tests {
         let have =
             |kind: &[Option<Checked>]| -> Vec<bool> { kind.iter().map(Option::is_some).collect() };
         assert_eq!(have(&found.odometry), [true, true, true, false]);
-        assert_eq!(have(&found.pose_priors), [false, true, true]);
+        assert_eq!(have(&found.pose_priors), [false, true, true, true]);
+        assert!(found.pose_priors[3].unwrap().redundancy.is_nan());
         assert_eq!(have(&found.landmark_priors), [false, true]);
         let sum = |kind: &[Option<Checked>], numbers: &[usize]| -> f64 {
-            let all = kind.iter().zip(numbers);
+            let all = kind.iter().zip(numbers).filter(|(_, n)| **n > 0);
             all.filter_map(|(one, &n)| Some((*one)?.redundancy * n as f64))
                 .sum()
         };
         let sum = sum(&found.sightings, &[1; 40])
             + sum(&found.odometry, &[3; 4])
-            + sum(&found.pose_priors, &[3, 1, 3])
+            + sum(&found.pose_priors, &[3, 1, 3, 0])
             + sum(&found.landmark_priors, &[2; 2]);
         // 27 bearings, three motions, four numbers of poses and two of a landmark; all of the gauge is known.
         let freedom = (27 + 9 + 4 + 2 - 3 * 4 - 2 * 7) as f64;

@@ -340,6 +340,22 @@ impl Problem {
         }
     }
 
+    /// The problem with the inliers alone, which are given in the order of the input.
+    ///
+    /// # Errors
+    /// [`Error::LengthMismatch`] when there are not as many as sightings.
+    pub(crate) fn of_inliers(&self, inliers: &[bool]) -> Result<Self, Error> {
+        if inliers.len() != self.input.len() {
+            return Err(Error::LengthMismatch {
+                what: "inliers",
+                expected: self.input.len(),
+                got: inliers.len(),
+            });
+        }
+        let kept: Vec<bool> = self.input.iter().map(|&place| inliers[place]).collect();
+        Ok(self.subset(&kept))
+    }
+
     /// The part of the problem between the kept views and landmarks, renumbered in order. Input indices
     /// refer to the sightings of this problem.
     pub(crate) fn restrict(&self, keep_view: &[bool], keep_landmark: &[bool]) -> Self {

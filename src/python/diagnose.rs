@@ -2,10 +2,11 @@
 //! The diagnosis as arrays and numbers.
 
 use super::convert::{self, Floats};
+use super::finding::RawFinding;
 use super::observer::InterpreterObserver;
 use super::reconstruction::subject;
 use super::request::Request;
-use crate::{Diagnosis, Finding, NullDirection, Part};
+use crate::{Diagnosis, NullDirection, Part};
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use numpy::PyArray1;
@@ -46,17 +47,6 @@ struct RawDirection {
     /// Kind, index, share.
     movers: Vec<(&'static str, usize, f64)>,
     cause: Option<&'static str>,
-}
-
-#[derive(IntoPyObject)]
-struct RawFinding {
-    name: &'static str,
-    severity: &'static str,
-    views: Vec<usize>,
-    landmarks: Vec<usize>,
-    directions: usize,
-    message: String,
-    advice: String,
 }
 
 #[pyfunction]
@@ -122,20 +112,6 @@ impl From<&NullDirection> for RawDirection {
             deviation: direction.deviation,
             movers: movers.collect(),
             cause: direction.cause.map(|kind| kind.name()),
-        }
-    }
-}
-
-impl From<&Finding> for RawFinding {
-    fn from(finding: &Finding) -> Self {
-        Self {
-            name: finding.kind.name(),
-            severity: finding.severity.name(),
-            views: finding.views.clone(),
-            landmarks: finding.landmarks.clone(),
-            directions: finding.directions,
-            message: finding.message.clone(),
-            advice: finding.advice.clone(),
         }
     }
 }

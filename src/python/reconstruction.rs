@@ -2,7 +2,10 @@
 //! Reconstructions as arrays and numbers.
 
 use super::convert;
-use crate::{Covariance, Reconstruction, Subject};
+use super::finding::RawFinding;
+use crate::{
+    Covariance, Error, FitTest, GlobalTest, Problem, Reconstruction, Subject, TestOptions,
+};
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3};
@@ -20,6 +23,9 @@ pub struct RawReconstruction<'py> {
     freedom: usize,
     sensitivity: f64,
     uncertainty: f64,
+    sigma0: f64,
+    p_value: f64,
+    findings: Vec<RawFinding>,
     converged: bool,
     termination: &'static str,
     iterations: usize,
@@ -31,36 +37,87 @@ pub struct RawReconstruction<'py> {
     covariance_frame: Option<&'static str>,
 }
 
-/// The best map, with its covariances, followed by its alternatives.
-pub fn best_with_alternatives<'py>(
-    py: Python<'py>,
-    found: &Reconstruction,
-    covariance: Option<&Covariance>,
-) -> PyResult<Vec<RawReconstruction<'py>>> {
-    let winner = core::iter::once((found, covariance));
-    winner
-        .chain(found.alternatives.iter().map(|rival| (rival, None)))
-        .map(|(found, covariance)| RawReconstruction::of(py, found, covariance))
-        .collect()
+/// A reconstruction with its covariances and the tests of its fit and of those of its components.
+pub struct Tested {
+    found: Reconstruction,
+    covariance: Option<Covariance>,
+    tests: Vec<FitTest>,
+}
+
+impl Tested {
+    /// Tests a reconstruction.
+    ///
+    /// # Errors
+    /// Those of [`test_fit`](crate::test_fit).
+    pub fn new(
+        problem: &Problem,
+        found: Reconstruction,
+        covariance: Option<Covariance>,
+    ) -> Result<Self, Error> {
+        let all = core::iter::once(&found).chain(&found.components);
+        let tests = all.map(|one| crate::test_fit(problem, one, &TestOptions::default()));
+        Ok(Self {
+            tests: tests.collect::<Result<_, _>>()?,
+            found,
+            covariance,
+        })
+    }
+
+    /// The map, followed by its alternatives.
+    pub fn with_alternatives<'py>(
+        &self,
+        py: Python<'py>,
+        problem: &Problem,
+    ) -> PyResult<Vec<RawReconstruction<'py>>> {
+        let rivals = self.found.alternatives.iter();
+        let rivals = rivals.map(|rival| RawReconstruction::of(py, problem, rival));
+        core::iter::once(self.map(py, problem))
+            .chain(rivals)
+            .collect()
+    }
+
+    /// The map.
+    pub fn map<'py>(&self, py: Python<'py>, problem: &Problem) -> PyResult<RawReconstruction<'py>> {
+        let raw = |found, test| {
+            let mut raw = RawReconstruction::of(py, problem, found)?;
+            raw.findings = raw_findings(problem, test);
+            Ok::<_, PyErr>(raw)
+        };
+        let components = self.found.components.iter().zip(&self.tests[1..]);
+        let components = components.map(|(found, test)| {
+            let component = raw(found, test)?.into_pyobject(py)?;
+            Ok(component.into_any())
+        });
+        let blocks = self
+            .covariance
+            .as_ref()
+            .map(|found| blocks(py, found))
+            .transpose()?;
+        let (pose_covariance, landmark_covariance) = blocks.unzip();
+        Ok(RawReconstruction {
+            components: components.collect::<PyResult<_>>()?,
+            pose_covariance,
+            landmark_covariance,
+            covariance_frame: self.covariance.as_ref().map(|found| found.frame.name()),
+            ..raw(&self.found, &self.tests[0])?
+        })
+    }
+}
+
+fn raw_findings(problem: &Problem, test: &FitTest) -> Vec<RawFinding> {
+    let findings = crate::fit_findings(problem, test);
+    findings.iter().map(RawFinding::from).collect()
 }
 
 impl<'py> RawReconstruction<'py> {
-    pub fn of(
-        py: Python<'py>,
-        found: &Reconstruction,
-        covariance: Option<&Covariance>,
-    ) -> PyResult<Self> {
+    /// Without components, covariances and findings.
+    fn of(py: Python<'py>, problem: &Problem, found: &Reconstruction) -> PyResult<Self> {
         let residuals = found.residuals.iter().map(|r| r.unwrap_or(f64::NAN));
         let undetermined = found.undetermined.iter().map(|one| {
             let (kind, index) = subject(one.subject);
             (kind, index, one.why.to_string())
         });
-        let components = found.components.iter().map(|found| {
-            let component = Self::of(py, found, None)?.into_pyobject(py)?;
-            Ok(component.into_any())
-        });
-        let blocks = covariance.map(|found| blocks(py, found)).transpose()?;
-        let (pose_covariance, landmark_covariance) = blocks.unzip();
+        let test = GlobalTest::of(problem, found);
         Ok(Self {
             poses: convert::poses(py, found.map.poses.iter().map(Option::as_ref)),
             landmarks: convert::points(py, &found.map.landmarks),
@@ -71,14 +128,17 @@ impl<'py> RawReconstruction<'py> {
             freedom: found.freedom,
             sensitivity: found.sensitivity,
             uncertainty: found.uncertainty,
+            sigma0: test.sigma0,
+            p_value: test.p_value,
+            findings: Vec::new(),
             converged: found.termination.was_successful(),
             termination: found.termination.name(),
             iterations: found.iterations,
             undetermined: undetermined.collect(),
-            components: components.collect::<PyResult<_>>()?,
-            pose_covariance,
-            landmark_covariance,
-            covariance_frame: covariance.map(|found| found.frame.name()),
+            components: Vec::new(),
+            pose_covariance: None,
+            landmark_covariance: None,
+            covariance_frame: None,
         })
     }
 }

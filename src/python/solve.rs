@@ -4,7 +4,7 @@
 use super::convert::{self, Floats};
 use super::errors;
 use super::observer::InterpreterObserver;
-use super::reconstruction::{self, RawReconstruction};
+use super::reconstruction::{RawReconstruction, Tested};
 use super::request::Request;
 use crate::{
     Covariance, Error, Frame, Loss, Map, Method, Problem, RefineOptions, SearchOptions,
@@ -81,9 +81,10 @@ pub fn initialize<'py>(
     let problem = request.read(py)?;
     let options = settings.read(py)?;
     let found = InterpreterObserver::run(py, progress, |watch| {
-        crate::initialize(&problem, &options, Some(watch))
+        let found = crate::initialize(&problem, &options, Some(watch))?;
+        Tested::new(&problem, found, None)
     })?;
-    reconstruction::best_with_alternatives(py, &found, None)
+    found.with_alternatives(py, &problem)
 }
 
 #[pyfunction]
@@ -103,12 +104,12 @@ pub fn solve<'py>(
     } else {
         options.refine.loss
     };
-    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
+    let found = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::solve(&problem, &options, Some(&mut *watch))?;
         let covariance = wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, watch));
-        Ok((found, covariance.transpose()?))
+        Tested::new(&problem, found, covariance.transpose()?)
     })?;
-    reconstruction::best_with_alternatives(py, &found, covariance.as_ref())
+    found.with_alternatives(py, &problem)
 }
 
 #[pyfunction]
@@ -125,13 +126,13 @@ pub fn refine<'py>(
     let start = convert::map(py, &poses, &landmarks)?;
     let options = settings.refine_options(py)?;
     let wanted = covariance.map(|name| Wanted::of(py, &name)).transpose()?;
-    let (found, covariance) = InterpreterObserver::run(py, progress, |watch| {
+    let found = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::refine(&problem, &start, &options, Some(&mut *watch))?;
         let covariance =
             wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, watch));
-        Ok((found, covariance.transpose()?))
+        Tested::new(&problem, found, covariance.transpose()?)
     })?;
-    RawReconstruction::of(py, &found, covariance.as_ref())
+    found.map(py, &problem)
 }
 
 impl Settings {

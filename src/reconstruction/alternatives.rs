@@ -56,6 +56,9 @@ pub fn with_settled_alternatives(
     }
     maps.retain(|rival| !near(&rival.map, &best.map, NEARLY));
     add_rivals(problem, &mut best, maps.into_iter(), judge);
+    for rival in &mut best.alternatives {
+        rival.count_directions(problem);
+    }
     best.attach(components);
     Ok(best)
 }

@@ -68,7 +68,7 @@ pub(super) const ROUNDED: f64 = 1e-9;
 
 impl Reconstruction {
     /// Normalises a map and computes its residuals.
-    pub(crate) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
+    pub(super) fn new(problem: &Problem, map: &Map, report: Report) -> Self {
         let map = in_reported_frame(problem, map);
         let mut residuals = alloc::vec![None; problem.sightings().len()];
         let mut inliers = alloc::vec![false; residuals.len()];
@@ -111,6 +111,13 @@ impl Reconstruction {
 }
 
 impl Reconstruction {
+    /// A refined map with the degrees of freedom that a test of its fit needs.
+    pub(crate) fn tested(problem: &Problem, map: &Map, report: Report) -> Self {
+        let mut found = Self::new(problem, map, report);
+        found.count_directions(problem);
+        found
+    }
+
     /// Takes maps of other views as components: what is in one of them is not undetermined.
     pub(super) fn attach(&mut self, components: Vec<Self>) {
         self.undetermined.retain(|one| {
@@ -132,8 +139,9 @@ impl Reconstruction {
         let on_views = self
             .map
             .landmarks_on_views(problem, ON_VIEW * self.map.size());
-        let all = freedom(problem, &self.map, &self.inliers) + on_views.len();
-        self.freedom = all.saturating_sub(at_infinity.count());
+        let (measured, unknown) = measured_and_unknown(problem, &self.map, &self.inliers);
+        let unknown = unknown + at_infinity.count();
+        self.freedom = (measured + on_views.len()).saturating_sub(unknown);
     }
 }
 
@@ -186,11 +194,17 @@ impl fmt::Display for Short {
 
 /// Measured numbers minus parameters, without those of the gauge.
 fn freedom(problem: &Problem, map: &Map, inliers: &[bool]) -> usize {
+    let (measured, unknown) = measured_and_unknown(problem, map, inliers);
+    measured.saturating_sub(unknown)
+}
+
+/// Measured numbers with the directions of the gauge, and parameters.
+fn measured_and_unknown(problem: &Problem, map: &Map, inliers: &[bool]) -> (usize, usize) {
     let views = map.poses.iter().flatten().count();
     let landmarks = map.landmarks.iter().flatten().count();
     let (free, numbers) = gauge_and_prior_numbers(problem, map);
     let measured = inliers.iter().filter(|inlier| **inlier).count() + numbers;
-    (measured + free).saturating_sub(3 * views + 2 * landmarks)
+    (measured + free, 3 * views + 2 * landmarks)
 }
 
 #[cfg(test)]
@@ -383,6 +397,11 @@ mod tests {
             found.count_directions(&problem);
             assert_eq!(found.freedom, all + 2);
         }
+        // What is missing to determine the map is counted, too.
+        found.undetermined.clear();
+        found.inliers[..all + 4].fill(false);
+        found.count_directions(&problem);
+        assert_eq!(found.freedom, 0);
     }
 
     /// The cost that the refinement reports stands unless that of the map in its frame differs by more than rounding.

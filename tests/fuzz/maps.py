@@ -200,6 +200,12 @@ def _numbers(request: Request, result: Any, given: Any, inliers: Any, at_infinit
     if free is None:
         return
     unknowns = 3 * np.isfinite(result.poses[:, 0]).sum() + 2 * np.isfinite(landmarks[:, 0]).sum()
+    # A landmark at infinity, or on a view that sees it, is a direction.
+    on_views = _on_views(request, result, counted if request.robust else known)
+    if on_views is None:
+        return
+    refined = result.termination != "not_refined"
+    unknowns -= (len(at_infinity) + on_views) if refined else 0
     expected = max(0, int(inliers.sum()) + numbers + free - int(unknowns))
     if result.freedom != expected:
         yield "freedom", f"{result.freedom}, expected {expected}: {inliers.sum()} + {numbers} + {free} - {unknowns}"
@@ -230,6 +236,18 @@ def _minimum(request: Request, result: Any, given: Any, rounding: Any) -> Iterat
         lower = minimum.decrease(request, result, LEAST)
         if lower >= LEAST:
             yield "minimum", f"converged ({result.termination}), but steps lower {result.cost!r} by {lower:.1%}"
+
+
+def _on_views(request: Request, result: Any, counted: Any) -> int | None:
+    """How many landmarks are on a view that sees them; None where rounding decides."""
+    poses, size = result.poses[np.isfinite(result.poses[:, 0]), :2], 1.0
+    if len(poses) > 1 and (poses != poses[0]).any():
+        size = float(np.sqrt(np.square(poses[1:] - poses[0]).sum(axis=1).mean()))
+    offset = result.landmarks[request.landmark] - result.poses[request.view, :2]
+    with np.errstate(invalid="ignore"):
+        near = [counted & (np.hypot(*offset.T) < bound * size) for bound in (0.5e-6, 2e-6)]
+    low, high = (len(np.unique(request.landmark[one])) for one in near)
+    return low if low == high else None
 
 
 def _reach(result: Any, views: Sequence[int] = (), landmarks: Sequence[int] = ()) -> float:

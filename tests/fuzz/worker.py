@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bearslam
+from bearslam.errors import BearslamWarning
 
 from . import calls, inputs, oracle
 from .inputs import Input
@@ -116,6 +117,7 @@ def limit() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("error")
+    warnings.simplefilter("ignore", BearslamWarning)
 
 
 def main() -> None:

@@ -122,8 +122,10 @@ def test_sensitivity_and_uncertainty_tell_what_to_expect():
     for seed in range(30):
         scene = bearslam.simulate("mixed", 6, 12, noise=sigma, seed=seed)
         result = bearslam.solve(scene.bearings, sigma=sigma)
-        freedom = 6 * 12 + 4 - 3 * 6 - 2 * 12
-        assert result.uncertainty == pytest.approx(result.sensitivity * np.sqrt(2 * result.cost / freedom))
+        at_infinity = len(result.undetermined)
+        assert result.freedom == 6 * 12 + 4 - 3 * 6 - 2 * 12 + at_infinity
+        assert result.sigma0 == pytest.approx(np.sqrt(2 * result.cost / result.freedom))
+        assert result.uncertainty == pytest.approx(result.sensitivity * result.sigma0)
         similarity = register(Map(result.poses, result.landmarks), Map(scene.poses, scene.landmarks))
         size = np.sqrt(np.square(result.poses[:, :2]).sum() + np.square(result.landmarks).sum())
         away = np.concatenate(

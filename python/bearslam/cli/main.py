@@ -7,13 +7,14 @@ import argparse
 import io
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import NoReturn
 
 from bearslam._core import __version__
 from bearslam.cli import convert, demo, diagnose, simulate, solve, sweep
 from bearslam.cli.console import print_error
-from bearslam.errors import BearslamError
+from bearslam.errors import BearslamError, BearslamWarning
 
 __all__ = ["main"]
 
@@ -43,7 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # names may have characters that the terminal cannot show
     options = _parser().parse_args(arguments)
     try:
-        code: int | None = options.run(options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", BearslamWarning)  # the commands print them
+            code: int | None = options.run(options)
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:

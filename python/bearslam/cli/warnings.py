@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-import math
-
 from bearslam.cli.report import percent
+from bearslam.data.doubts import doubts
 from bearslam.data.estimate import Estimate, outliers
 
-__all__ = ["residuals_over_sigma", "warnings"]
+__all__ = ["warnings"]
 
-LARGE = 3.0
-"""Ratio of residuals to standard deviations above which the map is suspected to be wrong."""
 MANY = 1 / 3
 """Share of outliers above which a robust map is no longer to be trusted."""
 DOUBTFUL = 0.2
@@ -20,15 +17,7 @@ DOUBTFUL = 0.2
 
 def warnings(result: Estimate, *, robust: bool) -> list[str]:
     """Reasons not to trust a map."""
-    found = []
-    if not result.converged:
-        found.append(f"not converged ({result.termination.replace('_', ' ')})")
-    large = residuals_over_sigma(result)
-    if large > LARGE:
-        found.append(
-            f"residuals are {large:.3g} times as large as their standard deviations: wrong bearings"
-            f"{'' if robust else ' (try --robust)'}, wrong odometry, a wrong minimum, or too small a sigma"
-        )
+    found = [message for _, message in doubts(result)]
     wrong = outliers(result).mean()
     if robust and wrong > MANY:
         found.append(f"{percent(wrong)} of the bearings are outliers; --robust tolerates a third")
@@ -39,16 +28,3 @@ def warnings(result: Estimate, *, robust: bool) -> list[str]:
         )
     return found
 
-
-def residuals_over_sigma(result: Estimate) -> float:
-    """Ratio of the residuals to what their standard deviations predict, outliers apart.
-
-    NaN without degrees of freedom to judge by, or without standard deviations.
-    """
-    sigma = result.sightings.sigma
-    if sigma is None or (sigma == 1.0).all():
-        return math.nan
-    wrong = int(outliers(result).sum())
-    # An outlier contributes the square of three standard deviations.
-    squares = 2.0 * result.cost - 9.0 * wrong
-    return math.sqrt(max(squares, 0.0) / result.freedom) if result.freedom > 0 else math.nan

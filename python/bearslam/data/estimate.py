@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bearslam.data.checks import FloatArray
+from bearslam.data.finding import Finding
 from bearslam.data.options import CovarianceFrame, Settings
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.sightings import Sightings
@@ -79,6 +80,16 @@ class Estimate:
         determine the map, however well it explains them. It is evaluated at the map: where noise was mistaken for
         parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to estimate the noise
         from.
+    sigma0 : float
+        A-posteriori standard deviation of unit weight: root mean square of the residuals over their standard
+        deviations, per degree of freedom; 1 where the stated standard deviations are right. With ``robust=True`` and
+        ``loss="truncated"`` of the inliers, made up for the tails that are cut off. NaN without degrees of freedom.
+    p_value : float
+        Probability that errors of the stated standard deviations leave residuals as large as these (chi-square test).
+        NaN without degrees of freedom, without a stated `sigma`, and with the losses "huber" and "cauchy".
+    findings : tuple of Finding
+        What the test of the fit says: "poor_fit" and "blunder" are warnings, "understated_sigma" and "overstated_sigma"
+        notes. Empty for alternatives, before refinement, and without a stated `sigma`.
     converged : bool
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
@@ -131,12 +142,15 @@ class Estimate:
     rms: float
     sensitivity: float
     uncertainty: float
+    sigma0: float
+    p_value: float
     converged: bool
     termination: Termination
     iterations: int
     freedom: int
     inliers: NDArray[np.bool_]
     undetermined: tuple[Undetermined, ...] = ()
+    findings: tuple[Finding, ...] = ()
     alternatives: tuple[Estimate, ...] = ()
     components: tuple[Estimate, ...] = ()
     pose_covariance: FloatArray | None = None

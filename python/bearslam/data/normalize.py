@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.data.checks import FloatArray, angles, plain
+from bearslam.data.checks import FloatArray, angles
 from bearslam.data.problem import Problem, ProblemLike
 from bearslam.data.sightings import Sightings, deviations
 from bearslam.errors import InvalidInputError
@@ -45,8 +45,8 @@ class DenseOrSparse:
         return table
 
 
-def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, landmarks: int = 0) -> DenseOrSparse:
-    """The sightings of a problem of any kind, checked, each with its standard deviation.
+def normalize(problem: ProblemLike, sigma: ArrayLike | None = None, *, views: int = 0, landmarks: int = 0) -> DenseOrSparse:
+    """The sightings of a problem of any kind, checked, each with its standard deviation: one radian where none is stated.
 
     `Sightings` do not say how many views and landmarks there are: `views` and `landmarks` apply where they are more
     than the sightings have.
@@ -66,9 +66,9 @@ def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, l
         return replace(table, view_ids=problem.view_ids, landmark_ids=problem.landmark_ids)
     if isinstance(problem, Sightings):
         if problem.sigma is None:
-            each = deviations(sigma, (len(problem),))
+            each = deviations(1.0 if sigma is None else sigma, (len(problem),))
             problem = Sightings(problem.view, problem.landmark, problem.bearing, each)
-        elif not np.array_equal(plain("sigma", sigma), 1.0):
+        elif sigma is not None:
             raise InvalidInputError("sigma: the sightings have their own standard deviations; give only one of the two")
         else:
             each = problem.sigma
@@ -83,7 +83,7 @@ def normalize(problem: ProblemLike, sigma: ArrayLike = 1.0, *, views: int = 0, l
     seen = ~np.isnan(bearings)
     if not seen.any():
         raise InvalidInputError(f"bearings: expected at least one sighting, got none in shape {bearings.shape}")
-    each = deviations(sigma, bearings.shape, seen)
+    each = deviations(1.0 if sigma is None else sigma, bearings.shape, seen)
     view, landmark = np.nonzero(seen)
     views, landmarks = bearings.shape
     return DenseOrSparse(views, landmarks, Sightings(view, landmark, bearings[seen], each), each, dense=True)

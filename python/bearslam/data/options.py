@@ -142,6 +142,11 @@ class Settings:
         object.__setattr__(self, "robust", flag("robust", self.robust))
         object.__setattr__(self, "seed", whole("seed", self.seed, 0, SEED_LIMIT))
 
+    @property
+    def has_outliers(self) -> bool:
+        """Whether sightings may be outliers, which the map is not estimated from."""
+        return self.robust or self.loss == "truncated"
+
 
 def frame(covariance: bool | CovarianceFrame) -> str | None:
     """The core's name for the frame of the covariances; None for no covariances."""

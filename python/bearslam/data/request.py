@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam.data.checks import choice, flag
 from bearslam.data.normalize import GAPS, DenseOrSparse, normalize
@@ -32,7 +33,7 @@ class Request:
     def __init__(
         self,
         problem: ProblemLike,
-        sigma: ArrayLike,
+        sigma: ArrayLike | None,
         *,
         loss: str,
         oriented: bool,
@@ -72,6 +73,15 @@ class Request:
         self.views, self.landmarks = self.table.views, self.table.landmarks
         seen = self.table.sightings
         self.view, self.landmark, self.bearing, self.sigma = seen.view, seen.landmark, seen.bearing, self.table.sigma
+
+    def keep(self, inliers: NDArray[np.bool_]) -> None:
+        """Leave out the outliers among the sightings; `inliers` has one entry for each."""
+        if len(inliers) != len(self.view):
+            raise InvalidInputError(
+                f"reconstruction: expected one of this problem, with {len(self.view)} sightings, got one with {len(inliers)}"
+            )
+        self.view, self.landmark = self.view[inliers], self.landmark[inliers]
+        self.bearing, self.sigma = self.bearing[inliers], self.sigma[inliers]
 
     def require_sigma(self, what: str) -> None:
         """Refuse implausible standard deviations: whatever weighs bearings against something else needs true ones."""

@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 
 from bearslam import _core
 from bearslam.data.checks import FloatArray, observer
+from bearslam.data.estimate import Estimate, per_sighting
+from bearslam.data.finding import Finding, findings
 from bearslam.data.maps import MapLike, pick
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
 from bearslam.data.problem import ProblemLike
 from bearslam.data.request import Request
 from bearslam.progress import Progress
 
-__all__ = ["Component", "Diagnosis", "Finding", "Mover", "NullDirection", "Severity", "diagnose", "diagnosed"]
+__all__ = ["Component", "Diagnosis", "Mover", "NullDirection", "diagnose", "diagnosed"]
 
-Severity: TypeAlias = Literal["error", "warning", "note"]
-"""Not determined; poorly determined; worth knowing."""
 Subject: TypeAlias = Literal["view", "landmark"]
 
 
@@ -60,36 +60,6 @@ class Mover:
     kind: Literal["view", "landmark"]
     index: int
     share: float
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One finding: what is wrong, which views and landmarks it concerns, and what to do about it.
-
-    Attributes
-    ----------
-    name : str
-        Name of the configuration, such as "collinear_landmarks"; the page on diagnosis lists them.
-    severity : {"error", "warning", "note"}
-        Whether something is not determined, poorly determined, or worth knowing.
-    views, landmarks : tuple of int
-        Indices of the views and landmarks it concerns.
-    directions : int
-        Number of free directions that it explains.
-    message, advice : str
-        What is wrong, and what to add.
-    """
-
-    name: str
-    severity: Severity
-    views: tuple[int, ...]
-    landmarks: tuple[int, ...]
-    directions: int
-    message: str
-    advice: str
-
-    def __str__(self) -> str:
-        return f"{self.severity} ({self.name}): {self.message} {self.advice}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -176,7 +146,7 @@ def diagnose(
     problem: ProblemLike,
     reconstruction: MapLike | None = None,
     *,
-    sigma: ArrayLike = 1.0,
+    sigma: ArrayLike | None = None,
     oriented: bool = True,
     odometry: Odometry | None = None,
     pose_priors: PosePriors | None = None,
@@ -193,7 +163,7 @@ def diagnose(
     problem : (m, n) array_like of float, Sightings or Problem
         As for `solve`.
     reconstruction : Reconstruction, Scene or (poses, landmarks), optional
-        Map to examine; NaN for what it leaves out. By default one that explains the bearings is computed, whether they
+        Map to examine; NaN for what it leaves out. Of a robust reconstruction the inliers alone are looked at. By default one that explains the bearings is computed, whether they
         determine it or not.
     sigma : float or array_like of float
         As for `solve`. Below 1 it is taken for the noise; otherwise the noise is estimated from the residuals.
@@ -243,6 +213,8 @@ def diagnose(
     )
     poses = points = None
     if reconstruction is not None:
+        if isinstance(reconstruction, Estimate) and reconstruction.settings.has_outliers:
+            request.keep(per_sighting(reconstruction, reconstruction.inliers))
         poses, points = pick("reconstruction", reconstruction, request.table.views, request.table.landmarks)
     return diagnosed(request, poses, points, progress)
 
@@ -257,18 +229,7 @@ def diagnosed(
         landmarks=raw["landmarks"],
         sightings=raw["sightings"],
         determined=raw["determined"],
-        findings=tuple(
-            Finding(
-                name=one["name"],
-                severity=cast("Severity", one["severity"]),
-                views=tuple(one["views"]),
-                landmarks=tuple(one["landmarks"]),
-                directions=one["directions"],
-                message=one["message"],
-                advice=one["advice"],
-            )
-            for one in raw["findings"]
-        ),
+        findings=findings(raw["findings"]),
         components=tuple(
             Component(tuple(one["views"]), tuple(one["landmarks"]), one["sightings"], one["freedom"])
             for one in raw["components"]

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import warnings
+
 from numpy.typing import ArrayLike
 
 from bearslam import _core
 from bearslam.data.checks import observer
+from bearslam.data.doubts import doubts
 from bearslam.data.maps import MapLike, pick
 from bearslam.data.options import CovarianceFrame, Loss, Method, RefineOptions, SearchOptions, Settings, frame
 from bearslam.data.priors import LandmarkPriors, Odometry, PosePriors
@@ -27,7 +30,7 @@ FREE_FRAME = "free_frame"
 def solve(
     problem: ProblemLike,
     *,
-    sigma: ArrayLike = 1.0,
+    sigma: ArrayLike | None = None,
     loss: Loss = "squared",
     oriented: bool = True,
     odometry: Odometry | None = None,
@@ -55,8 +58,9 @@ def solve(
         where it does not [rad]. At least three views with five landmarks, or four with four.
     sigma : float or array_like of float
         Standard deviation of all bearings or of each, in the shape of the problem [rad]; sightings may have their own
-        instead. The default affects only the scale of the cost and of the covariances. A loss other than "squared",
-        odometry and priors weigh bearings against something else and need the true value, at most 0.5.
+        instead. If None, all are taken for one radian, which affects only the scale of the cost and of the covariances,
+        and the fit is not tested. A loss other than "squared", odometry and priors weigh bearings against something else
+        and need the true value, at most 0.5.
     loss : {"squared", "huber", "cauchy", "truncated"}
         Loss applied to the residuals. The influence of an outlier is constant with "huber", decreases with its residual
         with "cauchy", and is zero with "truncated". The initial map is found without the loss: many outliers need
@@ -100,6 +104,16 @@ def solve(
     Reconstruction
         The best map. Others that explain the bearings nearly as well are its `alternatives`; maps of views that share
         too few landmarks with it are its `components`.
+
+    Warns
+    -----
+    PoorFitWarning
+        If the residuals are larger than 1.5 times the stated `sigma` allows, or an observation contradicts the others:
+        the `findings` of the result.
+    NotConvergedWarning
+        If the refinement has not ended in a minimum.
+    AmbiguousWarning
+        If there are `alternatives`.
 
     Raises
     ------
@@ -169,13 +183,13 @@ def solve(
         if not robust and error.kind != FREE_FRAME:
             error.diagnosis = diagnosed(request, None, None, progress)
         raise
-    return best_with_alternatives(request, settings, raws)
+    return warned(best_with_alternatives(request, settings, raws))
 
 
 def initialize(
     problem: ProblemLike,
     *,
-    sigma: ArrayLike = 1.0,
+    sigma: ArrayLike | None = None,
     loss: Loss = "squared",
     oriented: bool = True,
     method: Method = "search",
@@ -226,7 +240,7 @@ def refine(
     problem: ProblemLike,
     start: MapLike | None = None,
     *,
-    sigma: ArrayLike = 1.0,
+    sigma: ArrayLike | None = None,
     loss: Loss = "squared",
     oriented: bool = True,
     odometry: Odometry | None = None,
@@ -250,6 +264,11 @@ def refine(
     -------
     Reconstruction
         The minimum, in the gauge of every reconstruction.
+
+    Warns
+    -----
+    PoorFitWarning, NotConvergedWarning
+        As for `solve`.
 
     Raises
     ------
@@ -286,4 +305,11 @@ def refine(
     guess = pick("start", start, request.table.views, request.table.landmarks)
     settings = Settings(loss=loss, refinement=refinement)
     raw = _core.refine(request, settings, guess.poses, guess.landmarks, frame(covariance), observer(progress))
-    return from_core(request, settings, raw)
+    return warned(from_core(request, settings, raw))
+
+
+def warned(result: Reconstruction) -> Reconstruction:
+    """The result, with a warning for each reason to doubt it, at the caller of the caller."""
+    for category, message in doubts(result):
+        warnings.warn(message, category, stacklevel=3)
+    return result
