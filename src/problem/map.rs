@@ -441,4 +441,26 @@ mod tests {
         let problem = problem.with_odometry(&[motion]).unwrap();
         assert_eq!(why(&problem), Why::NotConnected { got: 0, needed: 3 });
     }
+
+    /// A landmark is on a view that is close to it and sees it, whatever its place in the list.
+    #[test]
+    fn landmarks_are_on_views_that_see_them() {
+        let seen = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (1, 1), (1, 3)];
+        let sightings = seen.map(|(view, landmark)| Sighting {
+            view,
+            landmark,
+            bearing: 0.1,
+            sigma: 0.1,
+        });
+        let problem = Problem::new(2, 4, &sightings).unwrap();
+        let mut map = Map::empty(2, 4);
+        map.poses = [(0.0, 0.0), (10.0, 0.0)]
+            .map(|(x, y)| Some(pose(x, y, 0.3)))
+            .to_vec();
+        // Next to the first view, away from both, next to the second, which does not see it, and next to that again.
+        let places = [(0.05, 0.0), (5.0, 5.0), (10.0, 0.05), (9.95, 0.0)];
+        map.landmarks = places.map(|(x, y)| Some(Point2::new(x, y))).to_vec();
+        assert_eq!(map.landmarks_on_views(&problem, 0.1), [0, 3]);
+        assert!(map.landmarks_on_views(&problem, 0.01).is_empty());
+    }
 }

@@ -112,3 +112,35 @@ fn shifted(
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::adjustment::refine_map;
+    use crate::lm::RefineOptions;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// A shift moves the map, and changes neither its residuals nor what is told of them.
+    #[test]
+    fn a_shift_keeps_what_is_told_of_the_residuals() {
+        let scene = simulate(Layout::Enclosed, 5, 9, 0.01, 2, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 9, &scene.bearings, 0.01).unwrap();
+        let mut map = scene.map();
+        let report = refine_map(&problem, &mut map, &RefineOptions::default(), None).unwrap();
+        let before = Reconstruction::new(&problem, &map, report);
+        for home in [Vector2::zeros(), Vector2::new(50.0, -20.0)] {
+            let after = shifted(&problem, before.clone(), home, Loss::Squared, false);
+            let poses = after.map.poses.iter().zip(&before.map.poses);
+            for (after, before) in poses.filter_map(|(a, b)| Some(((*a)?, (*b)?))) {
+                let moved = after.translation.vector - before.translation.vector;
+                assert!((moved - home).norm() < 1e-12);
+            }
+            assert!((after.rms / before.rms - 1.0).abs() < 1e-9);
+            assert!((after.cost / before.cost - 1.0).abs() < 1e-9);
+            let residuals = after.residuals.iter().zip(&before.residuals);
+            for (after, before) in residuals {
+                assert!((after.unwrap() - before.unwrap()).abs() < 1e-12);
+            }
+        }
+    }
+}

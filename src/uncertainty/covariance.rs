@@ -273,6 +273,7 @@ fn largest(vector: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
 
     #[test]
     fn negative_variances_of_rounding_are_removed() {
@@ -291,5 +292,35 @@ mod tests {
         let good = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
         let mut block = good.clone();
         assert!(make_positive(&mut block) && block == good);
+    }
+
+    /// Poses and landmarks are counted together as they are done; the frame of priors that are none lacks all of the gauge.
+    #[test]
+    fn all_subjects_are_counted_and_a_frame_that_is_free_is_refused() {
+        let scene = simulate(Layout::Enclosed, 5, 7, 0.01, 2, Arena::default()).unwrap();
+        let problem = Problem::dense(5, 7, &scene.bearings, 0.01).unwrap();
+        let mut counts = Vec::new();
+        let mut observer = |done: usize, total: f64| {
+            counts.push((done, total));
+            true
+        };
+        let mut within = |frame| {
+            let observer = Some(&mut observer as Observer<'_>);
+            covariance(&problem, &scene.map(), Loss::Squared, frame, observer)
+        };
+        assert!(within(Frame::FirstView).is_ok());
+        let error = within(Frame::Priors).unwrap_err();
+        let expected = Error::Degenerate {
+            kind: Degeneracy::FreeFrame,
+            value: 4.0,
+            bound: 0.0,
+        };
+        assert_eq!(error, expected);
+        assert_eq!(counts[0], (0, 12.0));
+        assert!(
+            counts
+                .iter()
+                .all(|&(done, total)| done <= 12 && total == 12.0)
+        );
     }
 }

@@ -211,6 +211,7 @@ fn add(vector: &mut DVector<f64>, view: usize, value: Vector2<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{bearing_to, pose};
 
     fn exact() -> (
         crate::simulate::Scene,
@@ -285,6 +286,34 @@ mod tests {
             .zip([4.0, 2.0, 1.0, 2.0 / options.nearest, 0.5])
         {
             assert!((found / expected - 1.0).abs() < 1e-12, "{weights:?}");
+        }
+    }
+
+    /// Landmarks come to be ahead of the views that see them, also of views that drive towards all of them.
+    #[test]
+    fn a_drive_towards_the_landmarks_is_not_turned_around() {
+        let mut truth = Map::empty(4, 5);
+        truth.poses = (0..4)
+            .map(|k| Some(pose(0.1 * f64::from(k * k), f64::from(k), 0.5)))
+            .collect();
+        let points = [(-6.0, 8.0), (-3.0, 9.0), (2.0, 7.0), (5.0, 9.5), (7.0, 8.5)];
+        truth.landmarks = points.map(|(x, y)| Some(Point2::new(x, y))).to_vec();
+        let bearings = truth.poses.iter().flatten().flat_map(|pose| {
+            let points = truth.landmarks.iter().flatten();
+            points.map(|point| bearing_to(pose, point).unwrap().angle())
+        });
+        let bearings: Vec<f64> = bearings.collect();
+        let problem = Problem::dense(4, 5, &bearings, 0.01).unwrap();
+        let headings = truth.poses.iter().map(|pose| Some(pose.as_ref()?.rotation));
+        let headings: Vec<_> = headings.collect();
+        let found = solve(&problem, &headings, &PositionOptions::default()).unwrap();
+        assert!(found.is_complete());
+        for pose in found.poses.iter().flatten() {
+            let mut points = found.landmarks.iter().flatten();
+            assert!(
+                points.all(|point| point.y > pose.translation.y),
+                "{found:?}"
+            );
         }
     }
 }

@@ -147,6 +147,12 @@ mod tests {
             Some(*explained) == most && turned < 0.1 && sum.is_finite()
         };
         assert!(found.iter().any(of_truth));
+        // In units of the noise.
+        for (_, sum, map) in &found {
+            let over_sigma = map.residuals(&problem).flatten().map(|r| r / 1e-4);
+            let squares: f64 = over_sigma.map(|r| r * r).sum();
+            assert!((sum - squares).abs() <= 1e-9 * squares, "{sum} {squares}");
+        }
         // Three landmarks are not swept.
         map.landmarks[6] = scene.map().landmarks[6];
         assert!(swept(&problem, &map, 4, &options).is_empty());

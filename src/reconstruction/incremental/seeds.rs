@@ -61,3 +61,46 @@ pub fn begin(problem: &Problem, views: [usize; 3]) -> Vec<Map> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{Arena, Layout, simulate};
+
+    /// Triples that share many landmarks come before those that share few, and of either the better conditioned first.
+    #[test]
+    fn the_best_conditioned_triples_are_the_first() {
+        let options = SolveOptions::default();
+        let arena = Arena {
+            sight: 3.0,
+            ..Arena::default()
+        };
+        let scene = simulate(Layout::Trajectory, 20, 40, 0.002, 1, arena).unwrap();
+        let problem = Problem::dense(20, 40, &scene.bearings, 0.002).unwrap();
+        let key = |views: &[usize; 3]| {
+            let (triples, _) = common_bearings(&problem, *views);
+            let few = triples.len() < options.stages.incremental.shared_landmarks[0];
+            let tensor = CalibratedTensor::estimate(&triples, 0).unwrap();
+            (few, -tensor.quality())
+        };
+        let keys: Vec<(bool, f64)> = seeds(&problem, &options).unwrap().iter().map(key).collect();
+        assert!(keys.is_sorted(), "{keys:?}");
+        assert!(
+            keys.len() > 10 && !keys[0].0 && keys[keys.len() - 1].0,
+            "{keys:?}"
+        );
+    }
+
+    /// A seed has both branches where the bearings are modulo pi, and one where their signs decide.
+    #[test]
+    fn signs_decide_between_the_branches() {
+        let mut decided = 0;
+        for seed in 0..10 {
+            let scene = simulate(Layout::Enclosed, 3, 12, 0.0, seed, Arena::default()).unwrap();
+            let problem = Problem::dense(3, 12, &scene.bearings, 0.01).unwrap();
+            decided += usize::from(begin(&problem, [0, 1, 2]).len() == 1);
+            assert_eq!(begin(&problem.unoriented(), [0, 1, 2]).len(), 2);
+        }
+        assert!(decided > 5, "{decided}");
+    }
+}

@@ -273,4 +273,22 @@ mod tests {
         assert!(apart(&members[0], &original) > 0.1);
         assert!(apart(&members[MEMBERS as usize - 1], &original) > 0.1);
     }
+
+    /// In either direction the circle passes through the tensor that fits best, so that exact views have the truth on it.
+    #[test]
+    fn each_circle_passes_through_the_closed_form() {
+        let (scene, problem) = exact(5);
+        let four = FourLandmarks::shared(&problem, &[[0, 1, 2]]).remove(0);
+        // Of an odd number of samples the middle one is the tensor itself.
+        let circle = Circle {
+            places: 9,
+            width: 1.0,
+        };
+        for direction in [(1.0, 0.0), (0.0, 1.0)] {
+            let found = four.along_circle(&problem, circle, direction);
+            let mut found = found.iter().filter(|(_, map)| quadrangle(map).is_some());
+            let is_truth = |(_, map): &(f64, Map)| apart(map, &scene.landmarks) < 1e-6;
+            assert!(found.any(is_truth), "{direction:?}");
+        }
+    }
 }

@@ -265,4 +265,14 @@ mod tests {
             assert!(are_rivals(&problem.clone().unoriented(), &motions, shared));
         }
     }
+
+    /// Each landmark that three views share counts once, however many there are.
+    #[test]
+    fn all_of_many_shared_landmarks_count() {
+        let all: Vec<usize> = (0..130).collect();
+        for landmarks in [63, 64, 65, 129, 130] {
+            let problem = seen(&[&all[..landmarks]; 3], landmarks);
+            assert_eq!(Sight::new(&problem, 5).common([0, 1, 2]), landmarks);
+        }
+    }
 }
