@@ -13,7 +13,7 @@ use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::{Pose, bearing_to, pose};
-use crate::problem::Map;
+use crate::problem::{Map, check_data};
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::Point2;
@@ -95,7 +95,8 @@ impl Layout {
 ///
 /// # Errors
 /// [`Error::TooFew`] for no views or no landmarks, [`Error::NotPositive`] for a negative or NaN
-/// noise, width, height or sight.
+/// noise, width, height or sight, [`Error::Magnitude`] for a width or height beyond
+/// [`DATA_MAGNITUDES`](crate::DATA_MAGNITUDES).
 ///
 /// # Example
 /// ```
@@ -165,6 +166,8 @@ pub(crate) fn simulate_while(
             });
         }
     }
+    check_data("width", 0, arena.width)?;
+    check_data("height", 0, arena.height)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let Arena {
         width,
