@@ -13,8 +13,8 @@ mod sighting;
 mod subject;
 
 pub(crate) use crate::kernels::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK};
-pub(crate) use magnitudes::check_sigma;
 pub use magnitudes::{DATA_MAGNITUDES, SIGMA_MAGNITUDES};
+pub(crate) use magnitudes::{check_data, check_sigma};
 pub use map::Map;
 pub(crate) use map::ON_VIEW;
 pub use noise::Noise;

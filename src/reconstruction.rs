@@ -32,8 +32,8 @@ pub use odometry::options::{
     HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions,
     RobustGrowthOptions, StrideOptions,
 };
-pub(crate) use options::report_progress;
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
+pub(crate) use options::{goes_on, report_progress};
 pub use result::Reconstruction;
 pub use robust::options::{RegrowthOptions, RobustOptions};
 pub use search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};

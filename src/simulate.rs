@@ -13,7 +13,7 @@ use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::{Pose, bearing_to, pose};
-use crate::problem::Map;
+use crate::problem::{Map, check_data};
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 use nalgebra::Point2;
@@ -95,7 +95,8 @@ impl Layout {
 ///
 /// # Errors
 /// [`Error::TooFew`] for no views or no landmarks, [`Error::NotPositive`] for a negative or NaN
-/// noise, width, height or sight.
+/// noise, width, height or sight, [`Error::Magnitude`] for a width or height beyond
+/// [`DATA_MAGNITUDES`](crate::DATA_MAGNITUDES).
 ///
 /// # Example
 /// ```
@@ -114,6 +115,25 @@ pub fn simulate(
     noise: f64,
     seed: u64,
     arena: Arena,
+) -> Result<Scene, Error> {
+    simulate_while(layout, views, landmarks, noise, seed, arena, |_| true)
+}
+
+/// Poses, landmarks or bearings between two looks at whether to go on. It decides about time only.
+const LOOK: usize = 1 << 12;
+
+/// As [`simulate`], as long as `goes_on`, called with the views done, says so.
+///
+/// # Errors
+/// [`Error::Interrupted`] when not, in addition to those.
+pub(crate) fn simulate_while(
+    layout: Layout,
+    views: usize,
+    landmarks: usize,
+    noise: f64,
+    seed: u64,
+    arena: Arena,
+    mut goes_on: impl FnMut(usize) -> bool,
 ) -> Result<Scene, Error> {
     for (what, got) in [("views", views), ("landmarks", landmarks)] {
         if got == 0 {
@@ -146,14 +166,28 @@ pub fn simulate(
             });
         }
     }
+    check_data("width", 0, arena.width)?;
+    check_data("height", 0, arena.height)?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let Arena {
         width,
         height,
         sight,
     } = arena;
-    let poses: Vec<_> = (0..views)
-        .map(|view| match layout {
+    let mut drawn = 0_usize;
+    let mut look = |done: usize| {
+        drawn += 1;
+        let stops = drawn.is_multiple_of(LOOK) && !goes_on(done);
+        if stops {
+            Err(Error::Interrupted)
+        } else {
+            Ok(())
+        }
+    };
+    let mut poses = Vec::with_capacity(views);
+    for view in 0..views {
+        look(0)?;
+        poses.push(match layout {
             Layout::Mixed => pose(
                 width * random.random::<f64>(),
                 height * random.random::<f64>(),
@@ -165,25 +199,29 @@ pub fn simulate(
                 PI - TAU * random.random::<f64>(),
             ),
             Layout::Trajectory => on_loop(TAU * view as f64 / views as f64, width, height),
-        })
-        .collect();
-    let landmarks: Vec<_> = (0..landmarks)
-        .map(|_| match layout {
+        });
+    }
+    let count = landmarks;
+    let mut landmarks = Vec::with_capacity(count);
+    for _ in 0..count {
+        look(0)?;
+        landmarks.push(match layout {
             Layout::Enclosed => on_border(random.random(), width, height),
             _ => Point2::new(
                 width * random.random::<f64>(),
                 height * random.random::<f64>(),
             ),
-        })
-        .collect();
+        });
+    }
     let normal = Normal::new(0.0, noise).map_err(|_| Error::NotPositive {
         what: "noise",
         index: 0,
         value: noise,
     })?;
     let mut bearings = Vec::with_capacity(poses.len() * landmarks.len());
-    for pose in &poses {
+    for (done, pose) in poses.iter().enumerate() {
         for landmark in &landmarks {
+            look(done)?;
             let error = normal.sample(&mut random);
             let range = (landmark.coords - pose.translation.vector).norm();
             bearings.push(match bearing_to(pose, landmark) {
@@ -238,5 +276,36 @@ fn wrap(angle: f64) -> f64 {
         angle + TAU * (((-PI - angle) / TAU).floor() + 1.0)
     } else {
         angle
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Looks change nothing, and the first that says so ends the work, wherever it is.
+    #[test]
+    fn a_simulation_ends_when_it_is_told_to() {
+        let arena = Arena::default();
+        for (views, landmarks) in [(3 * LOOK, 1), (1, 3 * LOOK), (2 * LOOK, 2)] {
+            let mut looks = 0;
+            let mut counted = |_| {
+                looks += 1;
+                true
+            };
+            let whole =
+                simulate_while(Layout::Mixed, views, landmarks, 0.1, 1, arena, &mut counted);
+            let plain = simulate(Layout::Mixed, views, landmarks, 0.1, 1, arena);
+            assert_eq!(whole.unwrap().landmarks, plain.unwrap().landmarks);
+            assert!(looks > 5);
+            for last in 0..looks {
+                let mut seen = 0;
+                let found = simulate_while(Layout::Mixed, views, landmarks, 0.1, 1, arena, |_| {
+                    seen += 1;
+                    seen <= last
+                });
+                assert_eq!(found.unwrap_err(), Error::Interrupted);
+            }
+        }
     }
 }

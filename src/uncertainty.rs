@@ -18,4 +18,4 @@ pub(crate) use leverage::Leverage;
 pub(crate) use sensitivity::{sensitivity, unbounded_landmarks};
 pub(crate) use variances::aligned_variances;
 pub use weak_directions::WeakDirection;
-pub(crate) use weak_directions::{largest_first, weakest_directions};
+pub(crate) use weak_directions::{Watch, largest_first, weakest_directions};

@@ -144,7 +144,7 @@ fn look_at(
     let hopeless = too_little.is_some();
     diagnosis.findings.extend(too_little);
     if let Some(map) = map {
-        let chosen = subproblem.choose_given(subproblem.map(map), hopeless);
+        let chosen = subproblem.choose_given(subproblem.map(map), hopeless, progress)?;
         return subproblem.judge(&chosen, hopeless, diagnosis, progress);
     }
     if hopeless {

@@ -3,6 +3,7 @@
 
 use super::convert::{self, Floats};
 use super::errors;
+use super::observer::InterpreterObserver;
 use crate::{Error, Fix};
 
 use alloc::vec::Vec;
@@ -70,8 +71,11 @@ pub fn triangulate<'py>(
 ) -> PyResult<Fixes<'py>> {
     let poses = convert::finite_poses(py, "poses", &poses)?;
     let (bearings, columns) = convert::table(py, "bearings", &bearings, poses.len())?;
-    let found = py.detach(|| {
+    let (points, fixes) = InterpreterObserver::run(py, None, |watch| {
         let found = (0..columns).map(|landmark| {
+            if !watch("triangulate", landmark, columns) {
+                return Err(Error::Interrupted);
+            }
             let rays = poses.iter().enumerate().filter_map(|(view, pose)| {
                 let bearing = bearings[view * columns + landmark];
                 (!bearing.is_nan()).then(|| (*pose, crate::Bearing::new(bearing)))
@@ -86,8 +90,7 @@ pub fn triangulate<'py>(
             Ok((Some(found.point), determined(sigma.map(fix))?))
         });
         found.collect::<Result<(Vec<_>, Vec<_>), _>>()
-    });
-    let (points, fixes) = found.map_err(|error| errors::error(py, error))?;
+    })?;
     let points = convert::points(py, &points);
     Fixes::new(py, points, &fixes, sigma.is_some())
 }
@@ -104,8 +107,11 @@ pub fn resect<'py>(
 ) -> PyResult<Fixes<'py>> {
     let points = convert::finite_points(py, "landmarks", &landmarks)?;
     let (bearings, views) = convert::rows(py, "bearings", &bearings, points.len())?;
-    let found = py.detach(|| {
+    let (poses, fixes) = InterpreterObserver::run(py, None, |watch| {
         let found = (0..views).map(|view| {
+            if !watch("resect", view, views) {
+                return Err(Error::Interrupted);
+            }
             let row = &bearings[view * points.len()..][..points.len()];
             let seen = points.iter().zip(row);
             let seen = seen
@@ -120,8 +126,7 @@ pub fn resect<'py>(
             Ok((Some(pose), determined(sigma.map(fix))?))
         });
         found.collect::<Result<(Vec<_>, Vec<_>), _>>()
-    });
-    let (poses, fixes) = found.map_err(|error| errors::error(py, error))?;
+    })?;
     let poses = convert::poses(py, poses.iter().map(Option::as_ref));
     Fixes::new(py, poses, &fixes, sigma.is_some())
 }

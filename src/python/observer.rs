@@ -15,6 +15,9 @@ use std::time::Instant;
 const INTERVAL: Duration = Duration::from_millis(50);
 
 /// Checks for signals and reports progress at intervals.
+///
+/// The work looks here between its steps. One factorisation of the sparse normal equations is a single call of a library
+/// and is not interrupted: it takes a second for 600 views that all see 600 landmarks, and four for 900.
 pub struct InterpreterObserver {
     progress: Option<Py<PyAny>>,
     last: Instant,

@@ -3,6 +3,8 @@
 
 use super::convert::{self, Floats};
 use super::errors;
+use super::observer::InterpreterObserver;
+use crate::simulate::simulate_while;
 use crate::{Arena, Layout, Scene};
 use alloc::vec::Vec;
 use nalgebra::Point2;
@@ -29,9 +31,10 @@ pub fn simulate<'py>(
         height,
         sight,
     };
-    let scene = py
-        .detach(|| crate::simulate(layout, views, landmarks, noise, seed, arena))
-        .map_err(|error| errors::error(py, error))?;
+    let scene = InterpreterObserver::run(py, None, |watch| {
+        let goes_on = |done| watch("simulate", done, views);
+        simulate_while(layout, views, landmarks, noise, seed, arena, goes_on)
+    })?;
     let points: Vec<Option<Point2<f64>>> = scene.landmarks.iter().copied().map(Some).collect();
     Ok([
         convert::poses(py, scene.poses.iter().map(Some)),

@@ -2,6 +2,7 @@
 //! Options of a solve, and reports of progress.
 
 use super::stages::StageOptions;
+use crate::error::Error;
 use crate::kernels::Method;
 use crate::lm::RefineOptions;
 
@@ -101,4 +102,18 @@ pub fn report_progress(
     progress
         .as_mut()
         .is_none_or(|progress| progress(stage, done, all))
+}
+
+/// As [`report_progress`], with an error when the work is to stop.
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub fn goes_on(
+    progress: &mut Option<Progress<'_>>,
+    stage: &'static str,
+    done: usize,
+    all: usize,
+) -> Result<(), Error> {
+    let goes_on = report_progress(progress, stage, done, all);
+    goes_on.then_some(()).ok_or(Error::Interrupted)
 }

@@ -4,7 +4,7 @@
 use super::Scene;
 use crate::error::Error;
 use crate::geometry::{Pose, pose};
-use crate::problem::{Noise, Odometry};
+use crate::problem::{Noise, Odometry, check_sigma};
 use alloc::vec::Vec;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +15,8 @@ impl Scene {
     /// heading \[rad\]. The same seed gives the same noise.
     ///
     /// # Errors
-    /// [`Error::NotPositive`] for a standard deviation that is not above zero and finite.
+    /// [`Error::NotPositive`] for a standard deviation that is not above zero, [`Error::Magnitude`] for one beyond
+    /// [`SIGMA_MAGNITUDES`](crate::SIGMA_MAGNITUDES).
     ///
     /// # Example
     /// ```
@@ -32,12 +33,8 @@ impl Scene {
     /// # Ok::<(), bearslam::Error>(())
     /// ```
     pub fn odometry(&self, sigmas: [f64; 3], seed: u64) -> Result<Vec<Odometry>, Error> {
-        if let Some(index) = sigmas.iter().position(|s| !(*s > 0.0 && s.is_finite())) {
-            return Err(Error::NotPositive {
-                what: "sigmas",
-                index,
-                value: sigmas[index],
-            });
+        for (index, sigma) in sigmas.into_iter().enumerate() {
+            check_sigma("sigma", index, sigma)?;
         }
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let pairs = self.poses.iter().zip(self.poses.iter().skip(1));

@@ -92,6 +92,9 @@ pub fn covariance(
             got: 0,
         });
     }
+    let subjects = active.views() + active.landmarks();
+    let watch = &mut || observe(&mut observer, 0, subjects);
+    watch()?;
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, loss, &mut rows);
     let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
@@ -103,8 +106,7 @@ pub fn covariance(
             bound: 0.0,
         });
     }
-    let subjects = active.views() + active.landmarks();
-    let watch = &mut || observe(&mut observer, 0, subjects);
+    watch()?;
     let free = free_directions(&mut normal, &rows, &gauge, LOOKED_FOR, watch)?;
     normal.assemble(&rows, &gauge);
     watch()?;

@@ -89,7 +89,7 @@ TABLE = [
         lambda: bearslam.solve(SEEN, loss="huber"),
         "sigma: expected the standard deviation of a bearing in radians, at most 0.5, which loss='huber' needs; got 1$",
     ),
-    (lambda: bearslam.refine(SEEN, SCENE, sigma=30, loss="cauchy"), "sigma: expected the standard deviation .* got 30"),
+    (lambda: bearslam.refine(SEEN, SCENE, sigma=3, loss="cauchy"), "sigma: expected the standard deviation .* got 3$"),
     (
         lambda: bearslam.solve(SEEN, odometry=SCENE.odometry([0.1, 0.1, 0.1], seed=0)),
         "sigma: expected the standard deviation of a bearing in radians, at most 0.5, which odometry needs; got 1$",
@@ -147,7 +147,7 @@ TABLE = [
     (lambda: bearslam.simulate("mixed", 4, 2.0, noise=0.1, seed=0), "landmarks: expected an integer, got 2.0"),
     (
         lambda: bearslam.simulate("mixed", 4, 9, noise=-0.1, seed=0),
-        "noise: expected a number of at least 0 and at most 3.14159, got -0.1",
+        "noise: expected a number of at least 0, got -0.1",
     ),
     (lambda: bearslam.simulate("mixed", 4, 9, noise=0.1, seed=None), "seed: expected an integer, got None"),
     (

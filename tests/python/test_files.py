@@ -118,7 +118,7 @@ names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1).filter(
     st.lists(names, min_size=2, max_size=2, unique=True),
     st.lists(names, min_size=2, max_size=2, unique=True),
     st.lists(st.floats(-math.pi, math.pi), min_size=4, max_size=4),
-    st.none() | st.lists(st.floats(1e-6, 10), min_size=4, max_size=4),
+    st.none() | st.lists(st.floats(1e-6, 3), min_size=4, max_size=4),
 )
 def test_what_is_written_is_read_again(views, landmarks, bearings, sigma):
     problem = Problem(Sightings([0, 0, 1, 1], [0, 1, 0, 1], bearings, sigma), views, landmarks)

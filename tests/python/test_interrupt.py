@@ -74,6 +74,35 @@ def test_a_signal_ends_a_long_covariance():
         signal.signal(signal.SIGALRM, start)
 
 
+def scene_of(views, landmarks):
+    return bearslam.simulate("mixed", views, landmarks, noise=0.0005, seed=1).bearings
+
+
+LONG = {
+    "solve many views": (lambda: scene_of(10_000, 4), lambda seen: bearslam.solve(seen, sigma=0.0005)),
+    "solve many landmarks": (lambda: scene_of(3, 100_000), lambda seen: bearslam.solve(seen, sigma=0.0005)),
+    "diagnose": (lambda: scene_of(3, 200_000), lambda seen: bearslam.diagnose(seen, sigma=0.0005)),
+    "triangulate": (
+        lambda: np.random.default_rng(0).uniform(-3, 3, (10, 1_000_000)),
+        lambda seen: bearslam.triangulate(np.random.default_rng(1).uniform(-3, 3, (10, 3)), seen, details=True),
+    ),
+    "resect": (
+        lambda: np.random.default_rng(0).uniform(-3, 3, (1_000_000, 10)),
+        lambda seen: bearslam.resect(np.random.default_rng(1).uniform(-3, 3, (10, 2)), seen, details=True),
+    ),
+    "simulate": (lambda: None, lambda _: bearslam.simulate("trajectory", 5000, 10_000, noise=0.01, seed=1)),
+    "simulate one view": (lambda: None, lambda _: bearslam.simulate("mixed", 1, 2**26, noise=0.01, seed=1)),
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_a_signal_ends_a_long_call(name):
+    prepare, call = LONG[name]
+    given = prepare()
+    with interrupted(0.3):
+        call(given)
+
+
 def _batch():
     found = bearslam.three_view_batch(np.tile(TRIPLES, (100, 1, 1)))
     return np.nan_to_num(found.poses).tobytes()

@@ -11,6 +11,7 @@ import bearslam
 from bearslam import InvalidInputError, LandmarkPriors, Odometry, PosePriors, Sightings
 
 SCENE = bearslam.simulate("enclosed", 4, 8, noise=0.01, seed=1)
+SCENE_OF_ONE = (SCENE.landmarks, SCENE.bearings[0])
 
 DATA = [
     ("odometry: delta", {"odometry": lambda x: Odometry([0, 1], [1, 2], [[1, 0, 0], [0, x, 0]], [0.1, 0.1, 0.1])}),
@@ -45,7 +46,6 @@ def test_bearings_and_their_sigmas_have_the_range():
     for bearing, sigma, message in (
         (1e-70, 0.1, "bearing: expected magnitudes from 1e-60 to 1e60, got 1e-70 at index 1"),
         (0.1, 1e-31, "sigma: expected magnitudes from 1e-30 to 1e30, got 1e-31 at index 1"),
-        (0.1, 1e31, "sigma: expected magnitudes from 1e-30 to 1e30, got 1e31 at index 1"),
     ):
         with pytest.raises(InvalidInputError, match=message):
             bearslam.solve(Sightings([0, 0], [0, 1], [0.1, bearing], [0.1, sigma]))
@@ -61,6 +61,41 @@ def test_given_maps_are_in_the_range_but_may_be_near_zero():
             call(SCENE.bearings, (poses, SCENE.landmarks))
     poses[2, 1] = 1e-200
     bearslam.diagnose(SCENE.bearings, (poses, SCENE.landmarks))
+
+
+FAR = np.where(np.arange(8)[:, None] == 2, 2e60, SCENE.landmarks)
+FAR_POSES = np.where(np.arange(4)[:, None] == 2, [[0.0, -2e60, 0.0]], SCENE.poses)
+UNIT = bearslam.Similarity(1.0, 0.0, np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        (r"landmarks\[2, 0\]: .* 1e\+60, got 2e\+60", lambda: bearslam.resect(FAR, SCENE.bearings)),
+        (r"poses\[2, 1\]: .* 1e\+60, got -2e\+60", lambda: bearslam.triangulate(FAR_POSES, SCENE.bearings)),
+        (r"source\[2, 0\]: .*, got 2e\+60", lambda: bearslam.align(FAR, SCENE.landmarks)),
+        (r"target\[2, 0\]: .*, got 2e\+60", lambda: bearslam.align(SCENE.landmarks, FAR)),
+        (r"points\[2, 0\]: .*, got 2e\+60", lambda: UNIT.apply(FAR)),
+        (r"poses\[2, 1\]: .*, got -2e\+60", lambda: UNIT.apply_poses(FAR_POSES)),
+        ("width: .* 1e60, got 1e-61", lambda: bearslam.simulate("mixed", 4, 9, noise=0.1, seed=1, width=1e-61)),
+        ("width: .*, got 1e\\+61", lambda: bearslam.simulate("mixed", 4, 9, noise=0.1, seed=1, width=1e61)),
+        ("height: .*, got 1e\\+61", lambda: bearslam.simulate("mixed", 4, 9, noise=0.1, seed=1, height=1e61)),
+        ("sigma: .* 1e30, got 1e61 at index 1", lambda: SCENE.odometry([0.1, 1e61, 0.1], seed=1)),
+        ("sigma: .* 1e30, got 1e-31 at index 0", lambda: SCENE.odometry([1e-31, 0.1, 0.1], seed=1)),
+        ("sigma: .* 1e30, got 1e-31", lambda: bearslam.resect(*SCENE_OF_ONE, sigma=1e-31, details=True)),
+    ],
+)
+def test_other_verbs_have_the_range_too(name, call):
+    with pytest.raises(InvalidInputError, match=f"^{name}"):
+        call()
+
+
+def test_given_points_may_be_near_zero():
+    points = SCENE.landmarks.copy()
+    points[1] = 1e-200
+    bearslam.align(points, SCENE.landmarks)
+    UNIT.apply(points)
+    bearslam.resect(points, SCENE.bearings)
 
 
 DEGREES = np.degrees(SCENE.bearings)
@@ -89,6 +124,9 @@ HEADED = SCENE.poses * [1, 1, 0] + [0, 0, 1] * np.array([[0.0], [120.0], [0.0], 
             r"start: poses\[1, 2\]",
             lambda: bearslam.Problem(SCENE.sightings, "abcd", "efghijklm", start=(HEADED, SCENE.landmarks)),
         ),
+        (r"poses\[1, 2\]", lambda: bearslam.Scene(HEADED, SCENE.landmarks, SCENE.bearings)),
+        ("bearings", lambda: bearslam.solve(bearslam.Scene(SCENE.poses, SCENE.landmarks, DEGREES).bearings)),
+        ("bearing", lambda: bearslam.Scene(SCENE.poses, SCENE.landmarks, DEGREES).sightings),
         (r"poses\[1, 2\]", lambda: bearslam.Similarity(1.0, 0.0, np.zeros(2)).apply_poses(HEADED)),
     ],
 )
@@ -117,9 +155,16 @@ def test_a_whole_turn_is_allowed():
             lambda: PosePriors([0], [[0, 0, 0]], np.diag([1, 1, 25.0])[None]),
         ),
         (r"sigma\[2\]: expected radians", lambda: SCENE.odometry([0.1, 0.1, 5], seed=1)),
+        ("sigma: expected radians", lambda: Sightings([0, 0], [0, 1], [0.1, 0.2], 5)),
+        (r"sigma\[1\]: expected radians", lambda: Sightings([0, 0], [0, 1], [0.1, 0.2], [1, 5])),
+        ("sigma: expected radians", lambda: bearslam.solve(SCENE.bearings, sigma=5)),
+        ("sigma: expected radians", lambda: bearslam.resect(*SCENE_OF_ONE, sigma=57, details=True)),
+        ("sigma: expected radians", lambda: bearslam.triangulate(SCENE.poses, SCENE.bearings, sigma=5, details=True)),
+        ("noise: expected radians", lambda: bearslam.simulate("mixed", 4, 9, noise=4, seed=1)),
+        (r"noise\[1\]: expected radians", lambda: bearslam.sweep("mixed", [4], [9], noise=[0.1, 4], trials=1)),
     ],
 )
-def test_deviations_of_headings_in_degrees_are_refused(name, call):
+def test_deviations_of_angles_in_degrees_are_refused(name, call):
     with pytest.raises(InvalidInputError, match=rf"^{name}.* half a turn.*, got \d+: degrees\?"):
         call()
 
@@ -127,6 +172,10 @@ def test_deviations_of_headings_in_degrees_are_refused(name, call):
 def test_half_a_turn_and_nothing_known_are_allowed():
     PosePriors([0, 1], np.zeros((2, 3)), [[500, 1, np.pi], [1, 1, np.inf]])
     Odometry([0], [1], [[1, 0, 0]], np.diag([100, 100, 9.8])[None])
+    bearslam.simulate("mixed", 4, 9, noise=np.pi, seed=1)
+    Sightings([0, 0], [0, 1], [0.1, 0.2], [np.pi, 2])
+    # A range may say less about the bearing than nothing.
+    assert bearslam.Offsets([0], [[0.01, 0]], [0.1, 0.1]).bearing_sigma == np.pi
 
 
 @pytest.mark.parametrize(
@@ -156,6 +205,19 @@ def test_deviations_in_degrees_in_a_graph_are_refused_by_line(line):
     text = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 0 0 0\n{line}\n".encode()
     with pytest.raises(InvalidInputError, match=r":3: expected a heading with a standard deviation .*, got 5: degrees"):
         bearslam.load(io.BytesIO(text), format="g2o")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"VERTEX_SE2 0 0 0 0\nEDGE_BEARING_SE2_XY 0 9 0.5 0.04\n",
+        b"view,landmark,bearing,sigma\na,b,0.5,5\n",
+        b"view,landmark,bearing,sigma_deg\na,b,0.5,200\n",
+    ],
+)
+def test_deviations_of_bearings_in_degrees_are_refused_by_line(text):
+    with pytest.raises(InvalidInputError, match=r":2: expected .* within half a turn.*, got (5|200): degrees\?"):
+        bearslam.load(io.BytesIO(text))
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,9 @@
 
 use super::common;
 use bearslam::{
-    DATA_MAGNITUDES, Error, Fix, Frame, LOSS_WIDTHS, LandmarkPrior, Layout, Loss, Map, Noise,
-    Odometry, PosePrior, Problem, RefineOptions, SIGMA_MAGNITUDES, Sighting, SolveOptions,
-    covariance, diagnose, initialize, pose, refine_map, solve,
+    Arena, DATA_MAGNITUDES, Error, Fix, Frame, LOSS_WIDTHS, LandmarkPrior, Layout, Loss, Map,
+    Noise, Odometry, PosePrior, Problem, RefineOptions, SIGMA_MAGNITUDES, Sighting, SolveOptions,
+    covariance, diagnose, initialize, pose, refine_map, simulate, solve,
 };
 use nalgebra::Point2;
 
@@ -204,6 +204,49 @@ fn given_maps_have_the_same_range() {
             refused,
             Err(Error::Magnitude { what: "sigma", .. })
         ));
+    }
+}
+
+/// A scene and its odometry have the range as well.
+#[test]
+fn simulated_numbers_have_the_same_range() {
+    let usual = Arena::default();
+    for outside in [0.5 * DATA_MAGNITUDES.start(), 2.0 * DATA_MAGNITUDES.end()] {
+        for (name, arena) in [
+            (
+                "width",
+                Arena {
+                    width: outside,
+                    ..usual
+                },
+            ),
+            (
+                "height",
+                Arena {
+                    height: outside,
+                    ..usual
+                },
+            ),
+        ] {
+            let error = simulate(Layout::Mixed, 3, 5, 0.1, 1, arena).unwrap_err();
+            assert!(
+                matches!(error, Error::Magnitude { what, .. } if what == name),
+                "{error}"
+            );
+        }
+    }
+    let scene = common::scene(Layout::Mixed, 3, 5, 0.1, 1);
+    for outside in [0.5 * SIGMA_MAGNITUDES.start(), 2.0 * SIGMA_MAGNITUDES.end()] {
+        let error = scene.odometry([0.1, outside, 0.1], 1).unwrap_err();
+        let is_named = matches!(
+            error,
+            Error::Magnitude {
+                what: "sigma",
+                index: 1,
+                ..
+            }
+        );
+        assert!(is_named, "{error}");
     }
 }
 

@@ -87,8 +87,9 @@ def read_input(options: argparse.Namespace) -> Problem:
     else:
         raise InvalidInputError("-: standard input is closed")
     deviation = options.sigma_deg
-    if deviation is not None and not 0 < deviation < math.inf:
-        raise InvalidInputError(f"--sigma-deg: expected a number above 0, got {deviation:g}")
+    if deviation is not None and not 0 < deviation <= 180:
+        wanted = "at most 180" if deviation > 180 else "above 0"
+        raise InvalidInputError(f"--sigma-deg: expected a number {wanted}, got {deviation:g}")
     folder = {name: getattr(options, name) for name in FOLDER if getattr(options, name) is not None}
     problem = load(source, format=options.format, noise=options.noise, sensor=sensor, **folder)
     for remark in problem.remarks:

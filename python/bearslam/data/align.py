@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, floats, posed
+from bearslam.data.checks import FloatArray, check_magnitudes, floats, posed
 
 __all__ = ["Similarity", "align"]
 
@@ -35,6 +35,10 @@ class Similarity:
     def apply(self, points: ArrayLike) -> FloatArray:
         """Points (k, 2) transformed into the frame of the target; NaN stays NaN."""
         array = floats("points", points, ("k", 2), missing=True)
+        check_magnitudes("points", array)
+        return self._moved(array)
+
+    def _moved(self, array: FloatArray) -> FloatArray:
         c, s = self.scale * np.cos(self.angle), self.scale * np.sin(self.angle)
         moved: FloatArray = array @ np.array([[c, s], [-s, c]]) + self.translation
         return moved
@@ -42,7 +46,8 @@ class Similarity:
     def apply_poses(self, poses: ArrayLike) -> FloatArray:
         """Poses (k, 3) transformed into the frame of the target, headings in (-pi, pi]; NaN stays NaN."""
         array = posed("poses", poses, ("k", 3), missing=True)
-        return np.column_stack([self.apply(array[:, :2]), wrap(array[:, 2] + self.angle)])
+        check_magnitudes("poses", array)
+        return np.column_stack([self._moved(array[:, :2]), wrap(array[:, 2] + self.angle)])
 
 
 def align(source: ArrayLike, target: ArrayLike) -> Similarity:
@@ -61,7 +66,7 @@ def align(source: ArrayLike, target: ArrayLike) -> Similarity:
     Raises
     ------
     InvalidInputError
-        If shapes differ, there are fewer than two points, or a number is not finite.
+        If shapes differ, there are fewer than two points, or a number is not finite or too large.
     DegenerateError
         If all source points, or all target points, coincide.
 
@@ -79,7 +84,10 @@ def align(source: ArrayLike, target: ArrayLike) -> Similarity:
     array([[1., 3.]])
     """
     points = floats("source", source, ("k", 2))
-    scale, angle, x, y = _core.align(points, floats("target", target, (len(points), 2)))
+    images = floats("target", target, (len(points), 2))
+    for name, array in (("source", points), ("target", images)):
+        check_magnitudes(name, array)
+    scale, angle, x, y = _core.align(points, images)
     return Similarity(scale, angle, np.array([x, y]))
 
 

@@ -25,6 +25,8 @@ __all__ = [
     "FloatArray",
     "IntArray",
     "angles",
+    "check_half_turn",
+    "check_magnitudes",
     "check_turn",
     "choice",
     "flag",
@@ -36,6 +38,7 @@ __all__ = [
     "posed",
     "quote",
     "real",
+    "spread",
     "whole",
 ]
 
@@ -47,6 +50,8 @@ SEED_LIMIT = 2**64 - 1
 """The largest seed."""
 TURN = 2 * math.pi
 """Largest angle [rad]: a larger one is most likely in degrees."""
+LARGEST = 1e60
+"""Largest magnitude of a coordinate, as in the core: powers and quotients stay within the arithmetic."""
 INDEX_LIMIT = 2**24
 """Largest number of views or landmarks: a larger index is most likely an identifier, not a number counted from 0."""
 
@@ -115,6 +120,20 @@ def check_turn(
         raise InvalidInputError(f"{name}{place}: expected {expected}, got {given[where]:g}: degrees?")
 
 
+def check_half_turn(name: str, sigma: ArrayLike) -> None:
+    """Refuse standard deviations of angles beyond half a turn, which are most likely in degrees."""
+    check_turn(name, sigma, expected="radians within half a turn", turn=math.pi)
+
+
+def check_magnitudes(name: str, values: FloatArray) -> None:
+    """Refuse coordinates of a map beyond the range of the core; they may be as near to zero as they like."""
+    beyond = np.abs(values) > LARGEST
+    if beyond.any():
+        where, place = _first(beyond)
+        expected = f"a magnitude of at most {LARGEST:g}"
+        raise InvalidInputError(f"{name}{place}: expected {expected}, got {values[where]:g}; choose other units")
+
+
 def _first(bad: NDArray[np.bool_], last: tuple[int, ...] = ()) -> tuple[tuple[int, ...], str]:
     """Where the first bad entry is, completed by the `last` indices, and the same as text."""
     where = tuple(int(i) for i in np.argwhere(bad)[0]) + last
@@ -175,6 +194,13 @@ def real(
         number = math.nan
     if not (low < number if above else low <= number) or not (number <= high or (infinite and math.isinf(number))):
         raise InvalidInputError(f"{name}: expected {wanted}, got {quote(value)}")
+    return number
+
+
+def spread(name: str, value: SupportsFloat, *, above: bool = False) -> float:
+    """Standard deviation of an angle [rad]: of at least 0 (with `above`, above it) and within half a turn."""
+    number = real(name, value, 0.0, above=above)
+    check_half_turn(name, number)
     return number
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bearslam.data.checks import FloatArray, IntArray, angles, floats, indices, plain
+from bearslam.data.checks import FloatArray, IntArray, angles, check_half_turn, floats, indices, plain
 from bearslam.data.priors import noise, set_read_only
 from bearslam.errors import InvalidInputError
 
@@ -30,13 +30,13 @@ class Sightings:
     bearing : (k,) array_like of float
         Directions in the frame of the view, counter-clockwise from its heading, within one turn [rad].
     sigma : (k,) array_like of float, or float, optional
-        Standard deviations of the bearings, above 0 [rad].
+        Standard deviations of the bearings, above 0 and at most pi [rad].
 
     Raises
     ------
     InvalidInputError
-        If lengths differ, there are no sightings, an index is negative or not an integer, a number is not finite, or a
-        bearing is beyond one turn.
+        If lengths differ, there are no sightings, an index is negative or not an integer, a number is not finite, or an
+        angle is most likely in degrees.
 
     Examples
     --------
@@ -152,7 +152,7 @@ class Offsets:
 
     @property
     def bearing_sigma(self) -> FloatArray:
-        """Standard deviation of each bearing, to first order (k,) [rad]."""
+        """Standard deviation of each bearing, to first order but at most pi (k,) [rad]."""
         x, y = self.position.T
         across = np.stack([-y, x], axis=1) / (x * x + y * y)[:, None]
         spread: FloatArray
@@ -160,7 +160,7 @@ class Offsets:
             spread = np.hypot(*(across * self.sigma).T)
         else:
             spread = np.sqrt(np.einsum("ki,kij,kj->k", across, self.sigma, across))
-        return spread
+        return np.minimum(spread, np.pi)
 
 
 def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_] | None = None) -> FloatArray:
@@ -178,4 +178,8 @@ def deviations(sigma: ArrayLike, shape: tuple[int, ...], seen: NDArray[np.bool_]
         value = values[bad][0]
         wanted = f"from {low:g} to {high:g}" if value > 0 else "above 0"
         raise InvalidInputError(f"sigma{where}: expected a number {wanted} for every sighting, got {value:g}")
+    if one:
+        check_half_turn("sigma", given)
+    else:
+        check_half_turn("sigma", values)
     return np.ascontiguousarray(values)

@@ -95,6 +95,8 @@ class GraphBuilder:
                 f"{self.where(line)}: expected a standard deviation from {low:g} to {high:g}, got {sigma:g}"
             )
         self.check_turn(line, bearing)
+        expected = "a bearing with a standard deviation in radians within half a turn"
+        check_turn(self.where(line), sigma, expected=expected, turn=math.pi)
         self._bearings.append((bearing, sigma))
 
     def check_turn(self, line: int, bearing: float) -> None:

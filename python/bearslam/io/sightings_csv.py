@@ -15,7 +15,7 @@ from bearslam.io.text import csv_row, csv_rows, decode
 __all__ = ["parse", "render"]
 
 COLUMNS = ("view", "landmark", "bearing", "bearing_deg", "sigma", "sigma_deg")
-TURNS = {"bearing": TURN, "bearing_deg": 360.0}
+TURNS = {"bearing": TURN, "bearing_deg": 360.0, "sigma": TURN / 2, "sigma_deg": 180.0}
 """Largest bearing by column: a larger one is most likely in degrees in a column of radians."""
 
 
@@ -150,4 +150,6 @@ def _sigma(column: str, cell: str, where: str) -> float:
     low, high = SIGMA_RANGE
     if not low <= sigma <= high:
         raise InvalidInputError(f"{where}: expected radians from {low:g} to {high:g} as {column}, got {sigma:g}")
+    unit = "radians (a column sigma_deg holds degrees)" if column == "sigma" else "degrees"
+    check_turn(where, value, expected=f"{unit} within half a turn as {column}", turn=TURNS[column])
     return sigma

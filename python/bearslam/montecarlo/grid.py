@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, cast
 
 from numpy.typing import ArrayLike
 
-from bearslam.data.checks import choice, quote, real, whole
+from bearslam.data.checks import choice, quote, spread, whole
 from bearslam.errors import InvalidInputError
 from bearslam.verbs.simulate import LAYOUTS, PLACES, Layout
 
@@ -69,7 +69,7 @@ class Grid:
         grid = cls(
             layout=_values("layout", layout, lambda name, value: cast("Layout", str(choice(name, value, LAYOUTS)))),
             # Minus zero equals zero, but would give other scenes.
-            noise=_values("noise", noise, lambda name, value: real(name, value, 0.0, math.pi) + 0.0),
+            noise=_values("noise", noise, lambda name, value: spread(name, value) + 0.0),
             views=_values("views", views, lambda name, value: whole(name, value, 3)),
             landmarks=_values("landmarks", landmarks, lambda name, value: whole(name, value, 4)),
             start=_values("starts", starts, lambda name, value: cast("Start", str(choice(name, value, STARTS)))),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, angles, flag, floats, plain, real
+from bearslam.data.checks import FloatArray, angles, check_magnitudes, flag, floats, plain, spread
 from bearslam.data.fix import Fix, fix_from_core
 from bearslam.errors import InvalidInputError
 
@@ -41,7 +41,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
         Direction to each landmark in the frame of one view, or of each of m [rad]; NaN where it was not seen. A view
         needs at least three.
     sigma : float, default 1
-        Standard deviation of a bearing [rad]; only the details depend on it.
+        Standard deviation of a bearing, at most pi [rad]; only the details depend on it.
     details : bool, default False
         Whether to return covariances and residuals as well.
 
@@ -54,8 +54,8 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     Raises
     ------
     InvalidInputError
-        If shapes do not match, a number is not finite, `sigma` is not above 0, or the only view has seen fewer than
-        three landmarks.
+        If shapes do not match, a number is not finite or too large, an angle is most likely in degrees, `sigma` is not
+        above 0, or the only view has seen fewer than three landmarks.
     DegenerateError
         If more than one pose fits the only view: it is on one circle with its landmarks, or they coincide.
 
@@ -82,10 +82,11 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     array([0.0092, 0.01  , 0.0054])
     """
     points = floats("landmarks", landmarks, ("n", 2), missing=True)
+    check_magnitudes("landmarks", points)
     table = plain("bearings", bearings)
     single = table.ndim == 1
     directions = angles("bearings", table, (len(points),) if single else ("m", len(points)), missing=True)
-    deviation = real("sigma", sigma, 0.0, above=True)
+    deviation = spread("sigma", sigma, above=True)
     detailed = flag("details", details)
     rows = directions[None] if single else directions
     seen = np.flatnonzero(np.isfinite(rows).any(axis=0))

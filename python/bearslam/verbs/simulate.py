@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import SEED_LIMIT, FloatArray, choice, floats, real, whole
+from bearslam.data.checks import LARGEST, SEED_LIMIT, FloatArray, choice, floats, posed, real, spread, whole
 from bearslam.data.priors import Odometry
 from bearslam.data.sightings import Sightings
 from bearslam.errors import InvalidInputError
@@ -20,8 +20,6 @@ __all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]
 
 Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
 LAYOUTS = ("mixed", "enclosed", "trajectory")
-LARGEST = 1e100
-"""Largest side of an arena: products of lengths must not overflow [m]."""
 PLACES = 2**27
 """Largest number of entries of a table of bearings: 1 GB."""
 
@@ -44,6 +42,9 @@ class Scene:
     landmarks: FloatArray
     bearings: FloatArray
 
+    def __post_init__(self) -> None:
+        posed("poses", self.poses, ("m", 3))
+
     def __repr__(self) -> str:
         seen = int(np.isfinite(self.bearings).sum())
         return f"<Scene: {seen} sightings of {len(self.landmarks)} landmarks from {len(self.poses)} views>"
@@ -60,14 +61,14 @@ class Scene:
         Parameters
         ----------
         sigma : (3,) array_like of float
-            Standard deviations of x, y and theta, above 0 [m, rad].
+            Standard deviations of x, y and theta, above 0; that of theta at most pi [m, rad].
         seed : int
             The same seed gives the same noise.
 
         Raises
         ------
         InvalidInputError
-            If a standard deviation is not above 0, or the seed is out of range.
+            If a standard deviation is not above 0, too large or most likely in degrees, or the seed is out of range.
 
         Examples
         --------
@@ -76,12 +77,14 @@ class Scene:
         <Odometry: 19 motions between 20 views>
         """
         x, y, theta = floats("sigma", sigma, (3,)).tolist()
-        each = (real("sigma[0]", x, 0.0, above=True), real("sigma[1]", y, 0.0, above=True))
-        delta = _core.odometry(
-            self.poses, (*each, real("sigma[2]", theta, 0.0, above=True)), whole("seed", seed, 0, SEED_LIMIT)
+        each = (
+            real("sigma[0]", x, 0.0, above=True),
+            real("sigma[1]", y, 0.0, above=True),
+            spread("sigma[2]", theta, above=True),
         )
+        delta = _core.odometry(self.poses, each, whole("seed", seed, 0, SEED_LIMIT))
         view = np.arange(len(delta))
-        return Odometry(view, view + 1, delta, (*each, theta))
+        return Odometry(view, view + 1, delta, each)
 
 
 def simulate(
@@ -140,7 +143,7 @@ def simulate(
         choice("layout", layout, LAYOUTS),
         views,
         landmarks,
-        real("noise", noise, 0.0, math.pi),
+        spread("noise", noise),
         whole("seed", seed, 0, SEED_LIMIT),
         real("width", width, 0.0, LARGEST, above=True),
         real("height", height, 0.0, LARGEST, above=True),

@@ -8,7 +8,7 @@ from typing import Literal, overload
 from numpy.typing import ArrayLike
 
 from bearslam import _core
-from bearslam.data.checks import FloatArray, angles, flag, plain, posed, real
+from bearslam.data.checks import FloatArray, angles, check_magnitudes, flag, plain, posed, spread
 from bearslam.data.fix import Fix, fix_from_core
 
 __all__ = ["triangulate"]
@@ -36,7 +36,7 @@ def triangulate(
     bearings : (m,) or (m, n) array_like of float
         Direction to one landmark, or to each of n, in the frame of each view [rad]; NaN where it was not seen.
     sigma : float, default 1
-        Standard deviation of a bearing [rad]; only the details depend on it.
+        Standard deviation of a bearing, at most pi [rad]; only the details depend on it.
     details : bool, default False
         Whether to return covariances and residuals as well.
 
@@ -49,7 +49,8 @@ def triangulate(
     Raises
     ------
     InvalidInputError
-        If shapes do not match, a number is not finite, an angle is most likely in degrees, or `sigma` is not above 0.
+        If shapes do not match, a number is not finite or too large, an angle is most likely in degrees, or `sigma` is
+        not above 0.
 
     References
     ----------
@@ -72,10 +73,11 @@ def triangulate(
     array([nan, nan])
     """
     known = posed("poses", poses, ("m", 3))
+    check_magnitudes("poses", known)
     table = plain("bearings", bearings)
     single = table.ndim == 1
     directions = angles("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)
-    deviation = real("sigma", sigma, 0.0, above=True)
+    deviation = spread("sigma", sigma, above=True)
     detailed = flag("details", details)
     columns = directions[:, None] if single else directions
     raw = _core.triangulate(known, columns, deviation if detailed else None)

@@ -45,9 +45,12 @@ impl SubProblem {
     }
 
     /// Maps from the null spaces of tensors.
-    fn explaining_maps(&self) -> impl Iterator<Item = Map> {
-        let found = explaining_maps(&self.problem, &self.options.maps);
-        found.into_iter().map(|found| found.map)
+    fn explaining_maps(
+        &self,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<impl Iterator<Item = Map> + use<>, Error> {
+        let found = explaining_maps(&self.problem, &self.options.maps, progress)?;
+        Ok(found.into_iter().map(|found| found.map))
     }
 
     /// A map made from the bearings, whether they determine it or not; `None` when there is none.
@@ -71,11 +74,11 @@ impl SubProblem {
         {
             return Ok(Some(shown));
         }
-        let mut rivals = mirror_images(&self.problem, &found.map);
+        let mut rivals = mirror_images(&self.problem, &found.map, progress)?;
         rivals.push(found.rival);
         let margin = self.margin(found.variance, &rivals);
         let (map, lost) = self
-            .more_telling_map(&found, noise)
+            .more_telling_map(&found, noise, progress)?
             .unwrap_or((found.map, found.undetermined));
         Ok(Some(Chosen {
             evidence: Evidence::Map { map, lost, margin },
@@ -89,39 +92,53 @@ impl SubProblem {
         &self,
         found: &ExplainingMap,
         noise: f64,
-    ) -> Option<(Map, Vec<Undetermined>)> {
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Option<(Map, Vec<Undetermined>)>, Error> {
         let known = self.examined(&found.map, noise);
         // Along a direction in which noise moves a point by its whole unit, the map found is arbitrary.
         let doubt = known.is_none_or(|known| known.directions.iter().any(|d| d.largest > 1.0));
         let mut others = found.others.clone();
         if doubt || !found.undetermined.is_empty() {
-            others.extend(self.explaining_maps());
+            others.extend(self.explaining_maps(progress)?);
         }
         let first = core::iter::once((&found.map, &found.undetermined[..]));
         let maps: Vec<_> = first
             .chain(others.iter().map(|map| (map, &[][..])))
             .collect();
-        let member = |pick: &dyn Fn(&WallFamily) -> Option<Map>, kind: Kind| {
-            maps.iter().find_map(|(map, lost)| {
-                let member = pick(&WallFamily::of(
-                    &self.problem,
-                    map,
-                    lost,
-                    &self.options.maps,
-                )?)?;
-                let map = self.refine_member(member, &found.map, noise)?;
-                self.has_shape(&map, kind, noise).then_some(map)
-            })
+        let mut member = |pick: &dyn Fn(&WallFamily) -> Option<Map>, kind: Kind| {
+            for &(map, lost) in &maps {
+                let family = WallFamily::of(&self.problem, map, lost, &self.options.maps);
+                let Some(member) = family.and_then(|family| pick(&family)) else {
+                    continue;
+                };
+                let refined = self.refine_member(member, &found.map, noise, progress)?;
+                if let Some(map) = refined
+                    && self.has_shape(&map, kind, noise)
+                {
+                    return Ok(Some(map));
+                }
+            }
+            Ok(None)
         };
-        member(&WallFamily::aligned, Kind::LinesOfViewsAndOfLandmarks)
-            .or_else(|| member(&WallFamily::compact, Kind::CollinearLandmarks))
-            .or_else(|| self.midpoint_map(&found.map, &others, noise))
-            .map(|map| (map, Vec::new()))
+        let mut telling = member(&WallFamily::aligned, Kind::LinesOfViewsAndOfLandmarks)?;
+        if telling.is_none() {
+            telling = member(&WallFamily::compact, Kind::CollinearLandmarks)?;
+        }
+        let telling = telling.or_else(|| self.midpoint_map(&found.map, &others, noise));
+        Ok(telling.map(|map| (map, Vec::new())))
     }
 
     /// A given map. If it has no shape: what the bearings show by themselves, or a nearby map that explains them as
     /// well, with its landmarks exactly on a wall or, if there are four, on a circle.
-    pub fn choose_given(&self, map: Map, hopeless: bool) -> Chosen {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when `progress` says so.
+    pub fn choose_given(
+        &self,
+        map: Map,
+        hopeless: bool,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Chosen, Error> {
         let stated = self.stated_noise();
         let (_, estimated) = self.rms_and_noise(&map);
         let noise = stated.unwrap_or(estimated);
@@ -134,29 +151,33 @@ impl SubProblem {
                 if let Some(shown) =
                     self.shown_by_bearings(f64::min(noise, self.options.maps.max_unstated_noise))
                 {
-                    return shown;
+                    return Ok(shown);
                 }
-                let wall = WallFamily::of(&self.problem, &map, &lost, &self.options.maps)
-                    .and_then(|family| self.refine_member(family.compact()?, &map, noise))
-                    .filter(|member| self.has_shape(member, Kind::CollinearLandmarks, noise));
-                let four = || {
-                    let few = self.problem.landmarks() == 4;
-                    let others: Vec<_> = few.then(|| self.explaining_maps())?.collect();
-                    self.midpoint_map(&map, &others, noise)
-                };
-                if let Some(member) = wall.or_else(four) {
+                let family = WallFamily::of(&self.problem, &map, &lost, &self.options.maps);
+                let mut member = None;
+                if let Some(compact) = family.and_then(|family| family.compact()) {
+                    member = self
+                        .refine_member(compact, &map, noise, progress)?
+                        .filter(|member| self.has_shape(member, Kind::CollinearLandmarks, noise));
+                }
+                if member.is_none() && self.problem.landmarks() == 4 {
+                    let others: Vec<_> = self.explaining_maps(progress)?.collect();
+                    member = self.midpoint_map(&map, &others, noise);
+                }
+                if let Some(member) = member {
                     (map, lost) = (member, Vec::new());
                 }
             }
             if self.problem.views() == 3 {
                 let best = estimated * self.mean_weight();
-                margin = self.margin(best * best, &mirror_images(&self.problem, &map));
+                let rivals = mirror_images(&self.problem, &map, progress)?;
+                margin = self.margin(best * best, &rivals);
             }
         }
-        Chosen {
+        Ok(Chosen {
             evidence: Evidence::Map { map, lost, margin },
             noise,
-        }
+        })
     }
 
     /// How many times larger the residuals of the next best map are, from costs per degree of freedom.

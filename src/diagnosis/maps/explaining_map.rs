@@ -15,7 +15,9 @@ use crate::reconstruction::search::options::DrawOptions;
 use crate::reconstruction::search::tensor_circle::{Circle, along_circle};
 use crate::reconstruction::search::triples::{common_bearings, draw};
 use crate::reconstruction::strategy::lowest;
-use crate::reconstruction::{Progress, Reconstruction, SolveOptions, refine};
+use crate::reconstruction::{
+    Progress, Reconstruction, SolveOptions, goes_on, refine, report_progress,
+};
 use alloc::vec::Vec;
 
 /// A map and how well it explains the bearings.
@@ -50,7 +52,7 @@ pub fn explaining_map(
         Ok(found) => found,
         Err(error @ (Error::Interrupted | Error::TooLarge { .. })) => return Err(error),
         Err(_) => {
-            let mut found = explaining_maps(problem, options).into_iter();
+            let mut found = explaining_maps(problem, options, progress)?.into_iter();
             return Ok(found.next().map(|first| ExplainingMap {
                 variance: variance(&first),
                 undetermined: first.undetermined,
@@ -67,7 +69,7 @@ pub fn explaining_map(
     // Four landmarks may have several exact maps, of which the search keeps the best determined.
     if problem.landmarks() == MIN_SHARED {
         others.extend(
-            explaining_maps(problem, options)
+            explaining_maps(problem, options, progress)?
                 .into_iter()
                 .map(|other| other.map),
         );
@@ -84,7 +86,14 @@ pub fn explaining_map(
 /// Refined maps along the tensor circles of some views: of those that leave least undetermined, the ones that
 /// explain the bearings about as well as the best. The most compact comes first, because landmarks diverge at the
 /// edge of a family.
-pub fn explaining_maps(problem: &Problem, options: &MapOptions) -> Vec<Reconstruction> {
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so.
+pub fn explaining_maps(
+    problem: &Problem,
+    options: &MapOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Reconstruction>, Error> {
     let circle = if problem.landmarks() == MIN_SHARED {
         Circle::WHOLE
     } else {
@@ -95,22 +104,36 @@ pub fn explaining_maps(problem: &Problem, options: &MapOptions) -> Vec<Reconstru
     };
     let draws = DrawOptions::default();
     let mut scored = Vec::new();
-    for views in draw(problem, MIN_SHARED, options.triples, 0, &draws) {
-        scored.extend(along_circle(problem, views, circle));
+    let drawn = draw(problem, MIN_SHARED, options.triples, 0, &draws);
+    for (done, &views) in drawn.iter().enumerate() {
+        let watch = &mut || goes_on(progress, "search", done, drawn.len());
+        scored.extend(along_circle(problem, views, circle, watch)?);
     }
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let refinement = RefineOptions::default();
-    let maps = scored.into_iter().take(options.refined).map(|(_, map)| map);
-    let mut found: Vec<_> = maps
-        .filter_map(|map| refine(problem, &map, &refinement, None).ok())
-        .collect();
+    let mut found = Vec::new();
+    for (_, map) in scored.iter().take(options.refined) {
+        found.extend(refined(problem, map, progress)?);
+    }
     let fewest = found.iter().map(|r| r.undetermined.len()).min();
     found.retain(|r| Some(r.undetermined.len()) == fewest);
     let rms = found.iter().map(|r| r.rms);
     let bound = options.as_good * rms.fold(f64::INFINITY, f64::min) + f64::EPSILON.sqrt();
     found.retain(|r| r.rms <= bound);
     found.sort_by(|a, b| sprawl(&a.map).total_cmp(&sprawl(&b.map)));
-    found
+    Ok(found)
+}
+
+/// A map refined with the usual options; `None` when it cannot be.
+fn refined(
+    problem: &Problem,
+    start: &Map,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Reconstruction>, Error> {
+    let mut report = |stage, done, all| report_progress(progress, stage, done, all);
+    match refine(problem, start, &RefineOptions::default(), Some(&mut report)) {
+        Err(error @ Error::Interrupted) => Err(error),
+        found => Ok(found.ok()),
+    }
 }
 
 /// Distance of the farthest point of a normalised map from the origin: the views are about 1 away.
@@ -123,16 +146,23 @@ fn sprawl(map: &Map) -> f64 {
 
 /// Costs per degree of freedom of the refined mirror images of a map of three views: the branches of the
 /// three-view solver that do not lead to the map itself.
-pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so.
+pub fn mirror_images(
+    problem: &Problem,
+    map: &Map,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<f64>, Error> {
     if problem.views() != 3 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let (triples, _) = common_bearings(problem, [0, 1, 2]);
     let Ok(found) = three_view(&triples, Method::Calibrated { reweights: 1 }) else {
-        return Vec::new();
+        return Ok(Vec::new());
     };
     let known = map.normalized();
-    let (options, judge) = (RefineOptions::default(), JudgeOptions::default());
+    let judge = JudgeOptions::default();
     let mut costs = Vec::new();
     for motion in &found.motions {
         let mut start = Map::empty(3, problem.landmarks());
@@ -140,13 +170,13 @@ pub fn mirror_images(problem: &Problem, map: &Map) -> Vec<f64> {
             start.poses[view] = Some(pose);
         }
         grow(problem, &mut start);
-        if let Ok(found) = refine(problem, &start, &options, None)
+        if let Some(found) = refined(problem, &start, progress)?
             && !same(&found.map, &known, &judge)
         {
             costs.push(variance(&found));
         }
     }
-    costs
+    Ok(costs)
 }
 
 /// Three views to start a map from: of some triples that share five landmarks, or else four, the one that shares

@@ -7,10 +7,12 @@ use super::super::shapes::examine::{Examination, examine};
 use super::super::shapes::normalized_map::NormalizedMap;
 use super::components::Part;
 use crate::adjustment::refine_map;
+use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem, Subject, Undetermined, Why};
+use crate::reconstruction::{Progress, report_progress};
 use alloc::vec;
 use alloc::vec::Vec;
 
@@ -114,15 +116,29 @@ impl SubProblem {
 
     /// A member of a family after a few iterations of refinement, strongly damped so that it does not move along the
     /// family; `None` when it does not explain the bearings as well as a known map.
-    pub fn refine_member(&self, member: Map, known: &Map, noise: f64) -> Option<Map> {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] when `progress` says so.
+    pub fn refine_member(
+        &self,
+        member: Map,
+        known: &Map,
+        noise: f64,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Option<Map>, Error> {
         let options = RefineOptions {
             max_iterations: self.options.maps.member_iterations,
             damping: self.options.maps.member_damping,
             ..RefineOptions::default()
         };
         let mut map = member;
-        refine_map(&self.problem, &mut map, &options, None).ok()?;
-        self.explains(&map, known, noise).then_some(map)
+        let total = options.max_iterations;
+        let mut observer = |done, _| report_progress(progress, "refine", done, total);
+        match refine_map(&self.problem, &mut map, &options, Some(&mut observer)) {
+            Err(error @ Error::Interrupted) => Err(error),
+            Err(_) => Ok(None),
+            Ok(_) => Ok(self.explains(&map, known, noise).then_some(map)),
+        }
     }
 
     /// Whether a map explains the bearings as well as a known one, or as the noise predicts.

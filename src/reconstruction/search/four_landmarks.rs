@@ -4,11 +4,13 @@
 use super::super::grow::{grow, score};
 use super::tensor_circle::{Circle, ScoredMap, local_minima};
 use super::triples::common_bearings;
+use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::geometry::align;
 use crate::kernels::{DualTensor, Quadruple};
 use crate::problem::{Map, Problem};
+use crate::uncertainty::Watch;
 use alloc::vec::Vec;
 use nalgebra::{Complex, Point2};
 
@@ -67,10 +69,18 @@ impl FourLandmarks {
     /// Maps from the tensors that noise may have turned into the best one: the local minima of the score along circles
     /// through it and the directions that the bearings determine least, and the ends of their arcs of real tensors,
     /// where the landmarks are on a circle and both solutions meet.
-    pub fn along_circles(&self, problem: &Problem, circle: Circle) -> Vec<ScoredMap> {
-        let directions = [(1.0, 0.0), (0.0, 1.0)];
-        let each = |direction| self.along_circle(problem, circle, direction);
-        directions.into_iter().flat_map(each).collect()
+    ///
+    /// # Errors
+    /// Those of `watch`.
+    pub fn along_circles(
+        &self,
+        problem: &Problem,
+        circle: Circle,
+        watch: Watch<'_>,
+    ) -> Result<Vec<ScoredMap>, Error> {
+        let mut found = self.along_circle(problem, circle, (1.0, 0.0), watch)?;
+        found.extend(self.along_circle(problem, circle, (0.0, 1.0), watch)?);
+        Ok(found)
     }
 
     /// The same for one circle, through this combination of the two directions.
@@ -79,13 +89,14 @@ impl FourLandmarks {
         problem: &Problem,
         circle: Circle,
         (second, third): (f64, f64),
-    ) -> Vec<ScoredMap> {
+        watch: Watch<'_>,
+    ) -> Result<Vec<ScoredMap>, Error> {
         let at = |cos: f64, sin: f64| {
             DualTensor::combine(&self.tensors, [cos, sin * second, sin * third])
         };
-        let mut found = local_minima(problem, circle, |cos, sin| {
+        let mut found = local_minima(problem, circle, watch, |cos, sin| {
             self.grown(problem, &at(cos, sin))
-        });
+        })?;
         let tensor = |part: f64| {
             let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
             at(cos, sin * circle.width)
@@ -104,10 +115,11 @@ impl FourLandmarks {
                     high = middle;
                 }
             }
+            watch()?;
             let maps = self.grown(problem, &tensor(0.5 * (low + high)));
             found.extend(maps.map(|map| (score(problem, &map), map)));
         }
-        found
+        Ok(found)
     }
 
     /// The maps of the two quadrangles of a tensor, empty if it has none.

@@ -3,7 +3,7 @@
 
 use super::super::choice::near;
 use super::super::grow::{grow, score};
-use super::super::options::{Progress, SearchOptions, SolveOptions, report_progress};
+use super::super::options::{Progress, SearchOptions, SolveOptions, goes_on};
 use super::four_landmarks::FourLandmarks;
 use super::options::{DrawOptions, HypothesisOptions};
 use super::tensor_circle::{Circle, ScoredMap, along_circle};
@@ -56,9 +56,7 @@ pub fn search(
     let mut failure = None;
     let mut seeds = Vec::with_capacity(drawn.len());
     for (done, &views) in drawn.iter().enumerate() {
-        if !report_progress(progress, "search", done, drawn.len()) {
-            return Err(Error::Interrupted);
-        }
+        goes_on(progress, "search", done, drawn.len())?;
         let (triples, _) = common_bearings(problem, views);
         match CalibratedTensor::estimate(&triples, 0) {
             Ok(tensor) => seeds.push((tensor.quality(), triples, views)),
@@ -69,9 +67,7 @@ pub fn search(
     let mut scored: ScoredHypotheses = Vec::new();
     let total = seeds.len().min(search.grown);
     for (triple, (_, triples, views)) in seeds.iter().take(total).enumerate() {
-        if !report_progress(progress, "grow", triple, total) {
-            return Err(Error::Interrupted);
-        }
+        goes_on(progress, "grow", triple, total)?;
         match three_view(triples, Method::Calibrated { reweights: 1 }) {
             Err(error) => failure = Some(error),
             Ok(solution) => {
@@ -95,7 +91,8 @@ pub fn search(
         let count = search.triples.min(stages.hypotheses.max_sweeps);
         let drawn = triples::draw(problem, needed, count, *seed, &stages.draw);
         quadrangles = FourLandmarks::shared(problem, &drawn);
-        for four in &quadrangles {
+        for (done, four) in quadrangles.iter().enumerate() {
+            goes_on(progress, "search", done, quadrangles.len())?;
             scored.extend(hypotheses(four.solutions(problem), four.triple));
         }
         // Where no fourth view sees the same four, or other landmarks tell maps apart.
@@ -156,10 +153,8 @@ impl Hypotheses {
         if self.four {
             let mut scored = Vec::new();
             for (done, four) in self.quadrangles.iter().take(swept).enumerate() {
-                if !report_progress(progress, "search", done, swept) {
-                    return Err(Error::Interrupted);
-                }
-                let found = four.along_circles(problem, Circle::WHOLE);
+                let watch = &mut || goes_on(progress, "search", done, swept);
+                let found = four.along_circles(problem, Circle::WHOLE, watch)?;
                 scored.extend(hypotheses(found, four.triple));
             }
             return Ok(ranked(scored));
@@ -179,10 +174,9 @@ fn sweep(
 ) -> Result<ScoredHypotheses, Error> {
     let mut scored = Vec::new();
     for (triple, &views) in triples.iter().enumerate() {
-        if !report_progress(progress, "search", triple, triples.len()) {
-            return Err(Error::Interrupted);
-        }
-        scored.extend(hypotheses(along_circle(problem, views, circle), triple));
+        let watch = &mut || goes_on(progress, "search", triple, triples.len());
+        let found = along_circle(problem, views, circle, watch)?;
+        scored.extend(hypotheses(found, triple));
     }
     Ok(scored)
 }

@@ -3,10 +3,12 @@
 
 use super::super::grow::{grow, score};
 use super::triples::common_bearings;
+use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::kernels::CalibratedTensor;
 use crate::problem::{Map, Problem};
+use crate::uncertainty::Watch;
 use alloc::vec::Vec;
 
 /// Samples of a half circle.
@@ -41,10 +43,18 @@ pub type ScoredMap = (f64, Map);
 /// null space for four landmarks, its weakest directions for more. The negative of a tensor is the same
 /// tensor, so a half circle is enough. For each f the motion has a closed form; the map grown from it to
 /// the other views gives the score.
-pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec<ScoredMap> {
+///
+/// # Errors
+/// Those of `watch`.
+pub fn along_circle(
+    problem: &Problem,
+    views: [usize; 3],
+    circle: Circle,
+    watch: Watch<'_>,
+) -> Result<Vec<ScoredMap>, Error> {
     let (triples, _) = common_bearings(problem, views);
     let basis = CalibratedTensor::null_pair(&triples);
-    local_minima(problem, circle, |cos, sin| {
+    local_minima(problem, circle, watch, |cos, sin| {
         let motions = CalibratedTensor::combine(&basis, cos, sin).motions(&triples);
         [0, 1].map(|branch| {
             let mut map = Map::empty(problem.views(), problem.landmarks());
@@ -60,14 +70,19 @@ pub fn along_circle(problem: &Problem, views: [usize; 3], circle: Circle) -> Vec
 }
 
 /// The local minima of the score along a half circle of tensors, each of which gives two maps.
+///
+/// # Errors
+/// Those of `watch`, which is called before each tensor.
 pub fn local_minima(
     problem: &Problem,
     circle: Circle,
+    watch: Watch<'_>,
     mut maps: impl FnMut(f64, f64) -> [Map; 2],
-) -> Vec<ScoredMap> {
+) -> Result<Vec<ScoredMap>, Error> {
     // One tensor after the other along the circle, both branches of each.
     let mut scored: [Vec<ScoredMap>; 2] = [Vec::new(), Vec::new()];
     for place in 0..circle.places {
+        watch()?;
         let part = (place as f64 + 0.5) / circle.places as f64 - 0.5;
         let (sin, cos) = (core::f64::consts::PI * part).sin_cos();
         for (scored, map) in scored.iter_mut().zip(maps(cos, sin * circle.width)) {
@@ -89,7 +104,7 @@ pub fn local_minima(
             .filter(|(_, minimum)| *minimum);
         found.extend(kept.map(|(scored, _)| scored));
     }
-    found
+    Ok(found)
 }
 
 #[cfg(test)]
@@ -103,10 +118,11 @@ mod tests {
         let problem = Problem::dense(1, 1, &[0.1], 1.0).unwrap();
         for circle in [Circle::WHOLE, Circle::AROUND_BEST] {
             let mut angles = vec![];
-            let found = local_minima(&problem, circle, |cos, sin| {
+            let found = local_minima(&problem, circle, &mut || Ok(()), |cos, sin| {
                 angles.push(sin.atan2(cos));
                 [Map::empty(1, 1), Map::empty(1, 1)]
-            });
+            })
+            .unwrap();
             // All scores are equal, so that every sample of both branches is a minimum.
             assert_eq!(found.len(), 2 * circle.places);
             assert_eq!(angles.len(), circle.places);
@@ -132,7 +148,7 @@ mod tests {
         };
         for least in 0..12 {
             let mut place = 0;
-            let found = local_minima(&problem, circle, |_, _| {
+            let found = local_minima(&problem, circle, &mut || Ok(()), |_, _| {
                 let apart = (place + 12_usize - least) % 12;
                 let error = 0.1 * apart.min(12 - apart) as f64;
                 place += 1;
@@ -140,7 +156,8 @@ mod tests {
                 map.poses[0] = Some(crate::geometry::pose(0.0, 0.0, error));
                 map.landmarks[0] = Some(nalgebra::Point2::new(1.0, 0.0));
                 [map, Map::empty(1, 1)]
-            });
+            })
+            .unwrap();
             let minima = found.iter().filter(|(score, _)| *score < 1e-12);
             assert_eq!(minima.count(), 1, "{least}");
             // All of the second branch, whose scores are equal, but of the first only one.
