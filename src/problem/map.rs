@@ -412,6 +412,7 @@ impl PriorsOf {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::pose;
     use crate::problem::{Noise, Odometry, Sighting};
 
     /// A view lacks sightings only where its odometry and priors do not make up for them.

@@ -297,7 +297,9 @@ mod tests {
             width: 1.0,
         };
         for direction in [(1.0, 0.0), (0.0, 1.0)] {
-            let found = four.along_circle(&problem, circle, direction);
+            let found = four
+                .along_circle(&problem, circle, direction, &mut || Ok(()))
+                .unwrap();
             let mut found = found.iter().filter(|(_, map)| quadrangle(map).is_some());
             let is_truth = |(_, map): &(f64, Map)| apart(map, &scene.landmarks) < 1e-6;
             assert!(found.any(is_truth), "{direction:?}");
