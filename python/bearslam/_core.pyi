@@ -121,9 +121,7 @@ class RawRedundancy(TypedDict):
     pose_priors: tuple[_Float, _Float]
     landmark_priors: tuple[_Float, _Float]
 
-def redundancy(
-    request: Request, poses: _Float, landmarks: _Float, inliers: NDArray[np.bool_]
-) -> RawRedundancy: ...
+def redundancy(request: Request, poses: _Float, landmarks: _Float, inliers: NDArray[np.bool_]) -> RawRedundancy: ...
 def expected_error(
     request: Request, poses: _Float, landmarks: _Float, inliers: NDArray[np.bool_], sigma0: float
 ) -> float: ...

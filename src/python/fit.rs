@@ -32,7 +32,8 @@ pub fn redundancy<'py>(
     let map = convert::map(py, &poses, &landmarks)?;
     let inliers: Vec<bool> = inliers.as_array().to_vec();
     let found = InterpreterObserver::run(py, None, |watch| {
-        let mut look = |done, all: f64| watch("redundancy", done, all as usize);
+        let all = problem.sightings().len() + problem.priors().len();
+        let mut look = |done, _| watch("redundancy", done, all);
         crate::redundancy(&problem, &map, &inliers, Some(&mut look))
     })?;
     let pair = |all: &[Option<Checked>]| {
@@ -63,7 +64,8 @@ pub fn expected_error<'py>(
     let map = convert::map(py, &poses, &landmarks)?;
     let inliers: Vec<bool> = inliers.as_array().to_vec();
     InterpreterObserver::run(py, None, |watch| {
-        let mut look = |done, all: f64| watch("covariance", done, all as usize);
+        let all = map.poses.len() + map.landmarks.len();
+        let mut look = |done, _| watch("covariance", done, all);
         crate::expected_error(&problem, &map, &inliers, sigma0, Some(&mut look))
     })
 }

@@ -27,4 +27,3 @@ def warnings(result: Estimate, *, robust: bool) -> list[str]:
             f"{percent(result.uncertainty)} of its size; add sightings of other landmarks or from other places"
         )
     return found
-

@@ -21,6 +21,9 @@ def doubts(result: Estimate) -> list[tuple[type[BearslamWarning], str]]:
     if others:
         maps = "another map explains" if others == 1 else f"{others} other maps explain"
         found.append(
-            (AmbiguousWarning, f"{maps} the measurements nearly as well (alternatives): add sightings that tell them apart")
+            (
+                AmbiguousWarning,
+                f"{maps} the measurements nearly as well (alternatives): add sightings that tell them apart",
+            )
         )
     return found
