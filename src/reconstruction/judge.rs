@@ -49,6 +49,8 @@ pub struct JudgeOptions {
     pub persistent_views: usize,
     /// Uncertainty above which a map from partial sight is doubted: another may be as low.
     pub doubtful: f64,
+    /// Sensitivity below which parts that odometry and priors give are one map: above it nothing ties them.
+    pub tied: f64,
     /// Alternative positions of landmarks and of views that are then tried.
     pub doubtful_tried: usize,
     /// By how much they may be worse with all else held fixed, as `partial_worth` of `MoveOptions`.
@@ -71,6 +73,7 @@ impl Default for JudgeOptions {
             collapsed: 1e-8,
             persistent_views: 100,
             doubtful: 0.1,
+            tied: 1.0,
             doubtful_tried: 50,
             doubtful_worth: 1e5,
         }

@@ -10,6 +10,7 @@ mod headings;
 mod known;
 mod least_squares;
 pub(crate) mod options;
+mod parts;
 pub(crate) mod posterior;
 mod ray_ends;
 mod robust_start;

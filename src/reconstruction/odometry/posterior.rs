@@ -31,6 +31,7 @@ use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
+use super::parts::{beyond, tied};
 use super::ray_ends::other_ends;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
@@ -112,13 +113,17 @@ pub fn solve_posterior(
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut others: Vec<Reconstruction> = Vec::new();
     for start in &starts {
-        let mut maps = core::iter::once(&best).chain(&others);
-        if maps.any(|found| !found.map.is_apart_from(start)) {
+        let reached = core::iter::once(&best).chain(&others);
+        let rest = beyond(start, reached.map(|found| &found.map));
+        if rest.poses.iter().all(Option::is_none) {
             continue;
         }
-        attempts.refine_fitted(start)?;
-        // Completed, a map may reach views of another.
+        attempts.refine_fitted(&rest)?;
+        // What fits is a map, however it lies to the others; completed, it may reach views of another.
+        let bound = stages.judge.plausible_deviations;
         let found = attempts.found.drain(..);
+        let found =
+            found.filter(|one| rest.has_views_of(start) || !is_too_costly(problem, one, bound));
         let (apart, reaching): (Vec<_>, Vec<_>) =
             found.partition(|one| best.map.is_apart_from(&one.map));
         others.extend(apart);
@@ -140,6 +145,8 @@ pub fn solve_posterior(
     if options.robust {
         return strategy::with_components(problem, maps).ok_or(NOTHING);
     }
+    let mut refine = |start: &Map| attempts.whole(&aligned_to_priors(problem, start));
+    let mut maps = tied(problem, maps, stages, &mut refine)?;
     for map in &mut maps {
         drop_landmarks_at_infinity(problem, map, &stages.infinity);
         for rival in &mut map.alternatives {
@@ -215,12 +222,16 @@ impl Attempts<'_, '_> {
             self.found.extend(found);
             return Ok(());
         }
-        let first = self.options.stages.posterior.first_iterations;
-        if let Some(found) = self.refined(start, first)? {
-            let found = self.completed(found)?;
-            self.found.push(found);
-        }
+        let found = self.whole(start)?;
+        self.found.extend(found);
         Ok(())
+    }
+
+    /// The minimum that a start leads to, completed.
+    fn whole(&mut self, start: &Map) -> Result<Option<Reconstruction>, Error> {
+        let first = self.options.stages.posterior.first_iterations;
+        let found = self.refined(start, first)?;
+        found.map(|found| self.completed(found)).transpose()
     }
 
     /// A map with what all that is known adds to it, as long as that makes it better.
