@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod choices;
 mod compass;
 mod complete;
 mod far_starts;
@@ -14,4 +15,5 @@ mod parts;
 pub(crate) mod posterior;
 mod ray_ends;
 mod robust_start;
+mod smallest_sets;
 mod sweeps;

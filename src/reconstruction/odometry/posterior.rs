@@ -9,7 +9,7 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::behind::without_landmarks_behind;
-use super::super::choice::{SAME_COST, choose, prices, size};
+use super::super::choice::{SAME_COST, better, choose, prices, size};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
 use super::super::infinity::drop_landmarks_at_infinity;
@@ -25,6 +25,7 @@ use super::super::search::moves::moved_maps;
 use super::super::search::options::MoveOptions;
 use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
+use super::choices::Choices;
 use super::complete::complete;
 use super::far_starts::far_starts;
 use super::growth::grow_from_priors;
@@ -79,12 +80,7 @@ pub fn solve_posterior(
         if attempts.suffice() {
             break;
         }
-        let growing = RefineOptions {
-            loss,
-            ..options.refine
-        };
-        let mut placement = LeastSquaresPlacement::new(problem, &growing, stages);
-        let grown = grow_from_priors(problem, &mut placement, &seeds, stages, attempts.progress)?;
+        let grown = attempts.grow(&seeds, loss, &mut Choices::best())?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
@@ -109,7 +105,13 @@ pub fn solve_posterior(
         }
         starts.extend(grown);
     }
-    let mut best = attempts.take_best()?.ok_or(NOTHING)?;
+    let best = attempts.take_best()?;
+    let best = if options.robust || attempts.many {
+        best
+    } else {
+        attempts.grown_otherwise(best, &seeds)?
+    };
+    let mut best = best.ok_or(NOTHING)?;
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut others: Vec<Reconstruction> = Vec::new();
     for start in &starts {
@@ -193,11 +195,69 @@ impl Attempts<'_, '_> {
         self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
-    /// Whether all minima are higher than the standard deviations predict.
-    fn are_too_costly(&self) -> bool {
+    /// Maps grown by least squares with a loss, and with some choices.
+    fn grow(
+        &mut self,
+        seeds: &[Map],
+        loss: Loss<f64>,
+        choices: &mut Choices,
+    ) -> Result<Vec<Map>, Error> {
+        let stages = &self.options.stages;
+        let refine = RefineOptions {
+            loss,
+            ..self.options.refine
+        };
+        let mut placement = LeastSquaresPlacement::new(self.problem, &refine, stages);
+        grow_from_priors(
+            self.problem,
+            &mut placement,
+            seeds,
+            stages,
+            choices,
+            self.progress,
+        )
+    }
+
+    /// The best map, or a better one that grows with other choices, where it leaves out what has sightings enough or is too
+    /// costly.
+    fn grown_otherwise(
+        &mut self,
+        mut best: Option<Reconstruction>,
+        seeds: &[Map],
+    ) -> Result<Option<Reconstruction>, Error> {
         let judge = &self.options.stages.judge;
-        let mut found = self.found.iter();
-        found.all(|found| is_too_costly(self.problem, found, judge.plausible_deviations))
+        for k in 0..self.options.stages.posterior.regrowths {
+            if best
+                .as_ref()
+                .is_some_and(|best| !is_incomplete(best) && !self.is_too_costly(best))
+            {
+                break;
+            }
+            let mut choices = Choices::of_seed(self.options.seed.wrapping_add(k as u64));
+            let grown = self.grow(seeds, Loss::Squared, &mut choices)?;
+            if let Some(start) = grown.first() {
+                self.refine_fitted(start)?;
+            }
+            for found in core::mem::take(&mut self.found) {
+                best = match best {
+                    None => Some(found).filter(|found| !self.is_too_costly(found)),
+                    Some(best) => Some(better(self.problem, [best, found], judge)),
+                };
+            }
+        }
+        best.map(|best| converged(self.problem, best, self.options, self.progress))
+            .transpose()
+    }
+
+    /// Whether a minimum is higher than the standard deviations predict.
+    fn is_too_costly(&self, found: &Reconstruction) -> bool {
+        let bound = self.options.stages.judge.plausible_deviations;
+        is_too_costly(self.problem, found, bound)
+    }
+
+    /// Whether all minima are.
+    fn are_too_costly(&self) -> bool {
+        self.found.iter().all(|found| self.is_too_costly(found))
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
