@@ -12,7 +12,7 @@ use super::super::behind::without_landmarks_behind;
 use super::super::choice::{SAME_COST, better, choose, prices, size};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
-use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::infinity::{drop_landmarks_at_infinity, views_beyond_horizon};
 use super::super::judge::{
     is_incomplete, is_plausible_consensus, is_plausible_posterior, is_too_costly, refuse_minority,
     variance,
@@ -294,8 +294,29 @@ impl Attempts<'_, '_> {
         found.map(|found| self.completed(found)).transpose()
     }
 
-    /// A map with what all that is known adds to it, as long as that makes it better.
-    fn completed(&mut self, mut found: Reconstruction) -> Result<Reconstruction, Error> {
+    /// A map with what all that is known adds to it, as long as that makes it better. Views that are beyond its horizon are
+    /// placed anew.
+    fn completed(&mut self, found: Reconstruction) -> Result<Reconstruction, Error> {
+        let (problem, options) = (self.problem, self.options);
+        if self.many
+            || views_beyond_horizon(problem, &found.map, &options.stages.infinity).is_empty()
+        {
+            return self.with_missing(found);
+        }
+        let near = without_far_views(problem, found.clone(), options, self.progress);
+        let Ok(near) = recoverable(near)? else {
+            return self.with_missing(found);
+        };
+        let near = self.with_missing(near)?;
+        if near.map.has_views_of(&found.map) && !self.is_too_costly(&near) {
+            Ok(near)
+        } else {
+            self.with_missing(found)
+        }
+    }
+
+    /// A map with the views and landmarks that it lacks, as long as that makes it better.
+    fn with_missing(&mut self, mut found: Reconstruction) -> Result<Reconstruction, Error> {
         let stages = &self.options.stages;
         for _ in 0..stages.posterior.completions {
             let mut map = found.map.clone();
