@@ -54,6 +54,8 @@ pub struct JudgeOptions {
     pub doubtful_tried: usize,
     /// By how much they may be worse with all else held fixed, as `partial_worth` of `MoveOptions`.
     pub doubtful_worth: f64,
+    /// Sensitivity below which parts that odometry and priors give are one map: above it nothing ties them.
+    pub tied: f64,
 }
 
 impl Default for JudgeOptions {
@@ -72,6 +74,7 @@ impl Default for JudgeOptions {
             collapsed: 1e-8,
             persistent_views: 100,
             doubtful: 0.03,
+            tied: 1.0,
             doubtful_tried: 50,
             doubtful_worth: 1e5,
         }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod choices;
 mod compass;
 mod complete;
 mod far_starts;
@@ -10,7 +11,9 @@ mod headings;
 mod known;
 mod least_squares;
 pub(crate) mod options;
+mod parts;
 pub(crate) mod posterior;
 mod ray_ends;
 mod robust_start;
+mod smallest_sets;
 mod sweeps;

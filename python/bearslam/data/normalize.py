@@ -48,7 +48,7 @@ class DenseOrSparse:
 def normalize(
     problem: ProblemLike, sigma: ArrayLike | None = None, *, views: int = 0, landmarks: int = 0
 ) -> DenseOrSparse:
-    """The sightings of a problem of any kind, checked, each with its standard deviation: one radian where none is stated.
+    """The sightings of a problem of any kind, checked, each with its standard deviation: one radian if none is stated.
 
     `Sightings` do not say how many views and landmarks there are: `views` and `landmarks` apply where they are more
     than the sightings have.

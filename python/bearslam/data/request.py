@@ -78,7 +78,8 @@ class Request:
         """Leave out the outliers among the sightings; `inliers` has one entry for each."""
         if len(inliers) != len(self.view):
             raise InvalidInputError(
-                f"reconstruction: expected one of this problem, with {len(self.view)} sightings, got one with {len(inliers)}"
+                f"reconstruction: expected one of this problem, with {len(self.view)} sightings, "
+                f"got one with {len(inliers)}"
             )
         self.view, self.landmark = self.view[inliers], self.landmark[inliers]
         self.bearing, self.sigma = self.bearing[inliers], self.sigma[inliers]

@@ -163,8 +163,8 @@ def diagnose(
     problem : (m, n) array_like of float, Sightings or Problem
         As for `solve`.
     reconstruction : Reconstruction, Scene or (poses, landmarks), optional
-        Map to examine; NaN for what it leaves out. Of a robust reconstruction the inliers alone are looked at. By default one that explains the bearings is computed, whether they
-        determine it or not.
+        Map to examine; NaN for what it leaves out. Of a robust reconstruction the inliers alone are looked at. By
+        default one that explains the bearings is computed, whether they determine it or not.
     sigma : float or array_like of float
         As for `solve`. Below 1 it is taken for the noise; otherwise the noise is estimated from the residuals.
     oriented, odometry, pose_priors, landmark_priors, progress

@@ -59,8 +59,8 @@ def solve(
     sigma : float or array_like of float
         Standard deviation of all bearings or of each, in the shape of the problem [rad]; sightings may have their own
         instead. If None, all are taken for one radian, which affects only the scale of the cost and of the covariances,
-        and the fit is not tested. A loss other than "squared", odometry and priors weigh bearings against something else
-        and need the true value, at most 0.5.
+        and the fit is not tested. A loss other than "squared", odometry and priors weigh bearings against something
+        else and need the true value, at most 0.5.
     loss : {"squared", "huber", "cauchy", "truncated"}
         Loss applied to the residuals. The influence of an outlier is constant with "huber", decreases with its residual
         with "cauchy", and is zero with "truncated". The initial map is found without the loss: many outliers need

@@ -4,6 +4,7 @@
 use super::super::incremental::complete::place_all;
 use super::super::incremental::options::IncrementalOptions;
 use super::super::robust::motions::Motions;
+use super::choices::Choices;
 use super::known::Known;
 use crate::problem::{Map, Problem};
 
@@ -21,8 +22,9 @@ pub fn complete(
     for (place, known) in map.landmarks.iter_mut().zip(&known.landmarks) {
         *place = place.or(*known);
     }
+    let best = &mut Choices::best();
     loop {
-        while let Some((view, pose)) = known.locate_next(problem, map, motions, true) {
+        while let Some((view, pose)) = known.locate_next(problem, map, motions, true, best) {
             map.poses[view] = Some(pose);
         }
         let before = map.determined().count();

@@ -74,52 +74,132 @@ pub fn seen_by_both<'a>(
 /// Given the turn, shift and landmarks are linear. Where priors do not tell the headings of both pieces, the turn is
 /// searched over a grid, and refined by bisection at the lowest place; one more ray than needed has to confirm it.
 pub fn crossed_with(problem: &Problem, maps: [&Map; 2], options: &HeadingOptions) -> Option<Map> {
-    let fixed = maps.map(|map| FixedByPriors::of(&map.restrict(problem)));
-    let shared: Vec<usize> = seen_by_both(problem, maps).collect();
-    let is_turned = fixed.iter().all(|fixed| fixed.heading);
-    let [first, second] = [0, 1].map(|k| {
-        if fixed[k].heading {
-            aligned_to_priors(problem, maps[k])
-        } else {
-            maps[k].clone()
-        }
-    });
-    let rays = |map: &Map, landmark: usize| map.rays(problem, landmark).count().min(2);
-    let ties = shared
-        .iter()
-        .map(|&landmark| rays(&first, landmark) + rays(&second, landmark) - 2);
-    let needed = if is_turned { 2 } else { 4 };
-    if ties.sum::<usize>() < needed || !fixed.iter().all(|fixed| fixed.scale) {
+    let pair = Pair::new(problem, maps)?;
+    if pair.ties < if pair.is_turned { 2 } else { 4 } {
         return None;
     }
-    let rays: Vec<[Vec<Ray>; 2]> = shared
-        .iter()
-        .map(|&landmark| [&first, &second].map(|map| rays_to(problem, map, landmark)))
-        .collect();
-    let is_line = !problem.is_oriented();
-    let crossing = |turn: f64| cross(&rays, turn, is_line, options.half_agreed);
-    let mut best = if is_turned {
-        crossing(0.0)?
+    let best = if pair.is_turned {
+        pair.cross(0.0, options)?
     } else {
-        let step = TAU / options.headings as f64;
-        let grid = (0..options.headings).filter_map(|k| crossing(step * k as f64));
-        grid.min_by(|a, b| a.disagreement.total_cmp(&b.disagreement))?
+        let all = pair.over_grid(options).into_iter().flatten();
+        let lowest = all.min_by(|a, b| a.disagreement.total_cmp(&b.disagreement))?;
+        pair.bisected(lowest, options)
     };
-    let mut step = TAU / options.headings as f64;
-    for _ in 0..if is_turned { 0 } else { BISECTIONS } {
-        step *= 0.5;
-        for near in [best.turn - step, best.turn + step] {
-            let found = crossing(near).filter(|found| found.disagreement < best.disagreement);
-            best = found.unwrap_or(best);
+    Some(pair.joined(best))
+}
+
+/// All the ways in which the rays of two pieces of known scale cross, the best first: with as many as needed there may be
+/// several, and what the headings of the pieces are known by may leave half a turn open.
+pub fn crossings(problem: &Problem, maps: [&Map; 2], options: &HeadingOptions) -> Vec<Map> {
+    let Some(pair) = Pair::new(problem, maps) else {
+        return Vec::new();
+    };
+    let grid = if pair.ties < 3 {
+        Vec::new()
+    } else {
+        pair.over_grid(options)
+    };
+    let value = |k: usize| {
+        let one = &grid[k % grid.len()];
+        one.as_ref().map_or(f64::INFINITY, |one| one.disagreement)
+    };
+    let is_lowest = |&k: &usize| {
+        let (before, after) = (value(k + grid.len() - 1), value(k + 1));
+        value(k) <= before && value(k) < after
+    };
+    let mut found: Vec<Crossing> = (0..grid.len())
+        .filter(is_lowest)
+        .filter_map(|k| Some(pair.bisected(grid[k].clone()?, options)))
+        .collect();
+    if pair.is_turned && pair.ties == 2 {
+        found.extend(pair.cross(0.0, options));
+    }
+    found.sort_by(|a, b| a.disagreement.total_cmp(&b.disagreement));
+    found.truncate(options.maps);
+    found.into_iter().map(|one| pair.joined(one)).collect()
+}
+
+/// Two pieces of known scale, as far as their headings are known turned into the map frame, and the rays of both.
+struct Pair {
+    pieces: [Map; 2],
+    /// Whether both headings are known.
+    is_turned: bool,
+    is_line: bool,
+    /// The landmarks that both see.
+    shared: Vec<usize>,
+    rays: Vec<[Vec<Ray>; 2]>,
+    /// Rays beyond those that place these landmarks.
+    ties: usize,
+}
+
+impl Pair {
+    /// `None` where priors leave the scale of one free.
+    fn new(problem: &Problem, maps: [&Map; 2]) -> Option<Self> {
+        let fixed = maps.map(|map| FixedByPriors::of(&map.restrict(problem)));
+        if !fixed.iter().all(|fixed| fixed.scale) {
+            return None;
         }
+        let pieces = [0, 1].map(|k| {
+            if fixed[k].heading {
+                aligned_to_priors(problem, maps[k])
+            } else {
+                maps[k].clone()
+            }
+        });
+        let shared: Vec<usize> = seen_by_both(problem, maps).collect();
+        let rays: Vec<[Vec<Ray>; 2]> = shared
+            .iter()
+            .map(|&landmark| pieces.each_ref().map(|map| rays_to(problem, map, landmark)))
+            .collect();
+        let ties = rays
+            .iter()
+            .map(|[first, second]| first.len().min(2) + second.len().min(2) - 2);
+        Some(Self {
+            is_turned: fixed.iter().all(|fixed| fixed.heading),
+            is_line: !problem.is_oriented(),
+            ties: ties.sum(),
+            pieces,
+            shared,
+            rays,
+        })
     }
-    let (shift, turn) = (Translation2::from(best.shift), UnitComplex::new(best.turn));
-    let moved = second.transformed(&Similarity2::from_parts(shift, turn, 1.0));
-    let mut map = first.united(&moved);
-    for (landmark, point) in shared.into_iter().zip(best.points) {
-        map.landmarks[landmark] = Some(point);
+
+    fn cross(&self, turn: f64, options: &HeadingOptions) -> Option<Crossing> {
+        cross(&self.rays, turn, self.is_line, options.half_agreed)
     }
-    Some(map)
+
+    fn over_grid(&self, options: &HeadingOptions) -> Vec<Option<Crossing>> {
+        let step = TAU / options.headings as f64;
+        let turns = 0..options.headings;
+        turns
+            .map(|k| self.cross(step * k as f64, options))
+            .collect()
+    }
+
+    /// A crossing at a place of the grid, refined by bisection.
+    fn bisected(&self, mut best: Crossing, options: &HeadingOptions) -> Crossing {
+        let mut step = TAU / options.headings as f64;
+        for _ in 0..BISECTIONS {
+            step *= 0.5;
+            for near in [best.turn - step, best.turn + step] {
+                let found = self.cross(near, options);
+                let found = found.filter(|found| found.disagreement < best.disagreement);
+                best = found.unwrap_or(best);
+            }
+        }
+        best
+    }
+
+    fn joined(&self, crossing: Crossing) -> Map {
+        let shift = Translation2::from(crossing.shift);
+        let by = Similarity2::from_parts(shift, UnitComplex::new(crossing.turn), 1.0);
+        let [first, second] = &self.pieces;
+        let mut map = first.united(&second.transformed(&by));
+        for (&landmark, point) in self.shared.iter().zip(crossing.points) {
+            map.landmarks[landmark] = Some(point);
+        }
+        map
+    }
 }
 
 /// A ray from a place in a direction.
@@ -134,6 +214,7 @@ fn rays_to(problem: &Problem, map: &Map, landmark: usize) -> Vec<Ray> {
 }
 
 /// How a piece lies to another, where the rays of both cross, and how much these disagree, each between 0 and 1.
+#[derive(Clone)]
 struct Crossing {
     turn: f64,
     shift: Vector2<f64>,
@@ -288,6 +369,15 @@ mod tests {
             };
             let found = crossed_with(&problem, [&part(0..3, 0.3), &part(3..6, -1.1)], &options);
             assert_eq!(found.is_some(), is_enough, "{seed}");
+            // All ways to cross the rays contain the right one.
+            let all = crossings(&problem, [&part(0..3, 0.3), &part(3..6, -1.1)], &options);
+            assert_eq!(all.is_empty(), !is_enough, "{seed}");
+            let is_right = |map: &Map| {
+                let home = map.poses[0].unwrap() * scene.poses[0].inverse();
+                let error = (home * scene.poses[5]).inv_mul(&map.poses[5].unwrap());
+                error.translation.vector.norm() + error.rotation.angle().abs() < 0.1
+            };
+            assert!(!is_enough || all.iter().any(is_right), "{seed}");
             let Some(found) = found else { continue };
             let home = found.poses[0].unwrap() * scene.poses[0].inverse();
             for (pose, truth) in found.poses.iter().zip(&scene.poses) {

@@ -12,8 +12,11 @@ use super::super::grow::score;
 use super::super::options::{Progress, report_progress};
 use super::super::robust::motions::{Motions, OdometryLink};
 use super::super::stages::StageOptions;
+use super::choices::Choices;
 use super::compass::map_from_headings;
-use super::frames::{Shared, crossed_with, in_frame_of, in_frame_of_priors, seen_by_both};
+use super::frames::{
+    Shared, crossed_with, crossings, in_frame_of, in_frame_of_priors, seen_by_both,
+};
 use super::headings::maps_from_positions;
 use super::known::Known;
 use crate::error::Error;
@@ -22,6 +25,12 @@ use crate::lm::RefineOptions;
 use crate::problem::{Map, Problem};
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
+
+/// By how much the score of a joint may exceed the best before it is no other choice: two sightings that it explains badly.
+const AS_GOOD: f64 = 2.0;
+
+/// Pieces of which any may be the next to be joined.
+const NEAR_PIECES: usize = 3;
 
 /// A piece: a map, and whether it is in the frame of the priors.
 pub struct Piece {
@@ -70,8 +79,9 @@ pub trait Placement {
     fn complete(&mut self, map: &mut Map) -> Result<(), Error>;
 }
 
-/// Maps from all that is known, and from seeds in the frame of the priors; that in the frame of the priors first, then the one with most views; those after
-/// the first share too little with it. None where nothing is known besides bearings.
+/// Maps from all that is known, and from seeds in the frame of the priors, with some choices where several places are
+/// about as good; that in the frame of the priors first, then the one with most views; those after the first share too
+/// little with it. None where nothing is known besides bearings.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so, [`Error::OutOfMemory`] of the refinement.
@@ -80,6 +90,7 @@ pub fn grow_from_priors(
     placement: &mut impl Placement,
     seeds: &[Map],
     stages: &StageOptions,
+    choices: &mut Choices,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Map>, Error> {
     let mut growth = Growth {
@@ -89,6 +100,7 @@ pub fn grow_from_priors(
         known: Known::of(problem),
         placement,
         stages,
+        choices,
         progress,
     };
     let mut world = Piece {
@@ -115,6 +127,7 @@ struct Growth<'a, 'p, P> {
     known: Known,
     placement: &'a mut P,
     stages: &'a StageOptions,
+    choices: &'a mut Choices,
     progress: &'a mut Option<Progress<'p>>,
 }
 
@@ -266,12 +279,18 @@ impl<P: Placement> Growth<'_, '_, P> {
     }
 
     /// The view without a pose that most is known of, with its pose by that and by the landmarks of the piece.
-    fn next_apart(&self, piece: &Piece) -> Option<(usize, Pose<f64>)> {
+    fn next_apart(&mut self, piece: &Piece) -> Option<(usize, Pose<f64>)> {
         if !piece.framed && !self.placement.resects() {
             return None;
         }
         let (known, motions) = (&self.known, &self.motions);
-        known.locate_next(self.problem, &piece.map, motions, piece.framed)
+        known.locate_next(
+            self.problem,
+            &piece.map,
+            motions,
+            piece.framed,
+            self.choices,
+        )
     }
 
     /// Places all landmarks anew and refines a little. What cannot be refined yet stays where it is.
@@ -310,9 +329,17 @@ impl<P: Placement> Growth<'_, '_, P> {
     fn join_all(&mut self, mut pieces: Vec<Piece>) -> Result<Vec<Map>, Error> {
         let mut done: Vec<Piece> = Vec::new();
         while !pieces.is_empty() {
-            let mut main = pieces.remove(0);
+            // What is in the frame of the priors is first in any case.
+            let any = if pieces[0].framed { 1 } else { pieces.len() };
+            let mut main = pieces.remove(self.choices.among(any));
             let mut refused = Vec::new();
-            while let Some((k, shared)) = closest(self.problem, &main.map, &pieces) {
+            loop {
+                let mut near = closest(self.problem, &main.map, &pieces);
+                if near.is_empty() {
+                    break;
+                }
+                let (k, shared) =
+                    near.swap_remove(self.choices.among_first(near.len(), NEAR_PIECES));
                 let other = pieces.remove(k);
                 if let Some(joined) = self.joined(&main, &other, &shared) {
                     main.map = joined;
@@ -368,18 +395,22 @@ impl<P: Placement> Growth<'_, '_, P> {
         let laid = (shared.len() >= self.stages.odometry_growth.min_shared)
             .then(|| self.placement.join([&first.map, &second.map], shared))
             .flatten();
-        let crossed = if framed.is_none() {
-            crossed_with(
-                self.problem,
-                [&first.map, &second.map],
-                &self.stages.headings,
-            )
+        let maps = [&first.map, &second.map];
+        let options = &self.stages.headings;
+        let crossed = if framed.is_some() {
+            Vec::new()
+        } else if self.choices.vary() {
+            crossings(self.problem, maps, options)
         } else {
-            None
+            Vec::from_iter(crossed_with(self.problem, maps, options))
         };
-        let score = |map: &Map| score(self.problem, map);
         let all = framed.into_iter().chain(crossed).chain(laid);
-        all.min_by(|a, b| score(a).total_cmp(&score(b)))
+        let mut all: Vec<(f64, Map)> = all.map(|map| (score(self.problem, &map), map)).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let least = all.first()?.0;
+        all.retain(|(score, _)| *score <= least + AS_GOOD);
+        let chosen = self.choices.among(all.len());
+        Some(all.swap_remove(chosen).1)
     }
 }
 
@@ -388,18 +419,20 @@ fn size(map: &Map) -> usize {
     map.poses.iter().flatten().count()
 }
 
-/// The piece that shares most landmarks with a map, then the one that sees most that the map sees as well, and the
-/// shared ones; `None` when none sees any.
-fn closest(problem: &Problem, map: &Map, pieces: &[Piece]) -> Option<(usize, Vec<Shared>)> {
+/// The pieces that see what a map sees as well, and the landmarks that are placed in both: the one that shares most of
+/// these first, then the one that sees most.
+fn closest(problem: &Problem, map: &Map, pieces: &[Piece]) -> Vec<(usize, Vec<Shared>)> {
     let all = pieces.iter().enumerate().map(|(k, piece)| {
         let pairs = piece.map.landmarks.iter().zip(&map.landmarks);
         let shared: Vec<Shared> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
         let seen = seen_by_both(problem, [map, &piece.map]).count();
         (k, seen, shared)
     });
-    let closest = all.max_by_key(|(k, seen, shared)| (shared.len(), *seen, core::cmp::Reverse(*k)));
-    let (k, _, shared) = closest.filter(|(_, seen, shared)| *seen + shared.len() > 0)?;
-    Some((k, shared))
+    let mut all: Vec<_> = all
+        .filter(|(_, seen, shared)| *seen + shared.len() > 0)
+        .collect();
+    all.sort_by_key(|(k, seen, shared)| (core::cmp::Reverse((shared.len(), *seen)), *k));
+    all.into_iter().map(|(k, _, shared)| (k, shared)).collect()
 }
 
 #[cfg(test)]
@@ -473,6 +506,7 @@ mod tests {
             &mut placement,
             &[],
             &stages,
+            &mut Choices::best(),
             &mut Some(&mut progress),
         );
         (maps.unwrap(), refined, placement.finished)
@@ -562,13 +596,14 @@ mod tests {
         let [one, two, none] = [&[1][..], &[2, 3, 5], &[4, 5]].map(piece);
         let also = piece(&[0, 1]);
         let problem = Problem::dense(1, 6, &[0.1; 6], 0.1).unwrap();
-        let (place, shared) = closest(&problem, &main, &[one, two, also, none]).unwrap();
+        let near = closest(&problem, &main, &[one, two, also, none]);
+        let (place, shared) = &near[0];
         // Of equals the first.
-        assert_eq!((place, shared.len()), (1, 2));
+        assert_eq!((*place, shared.len()), (1, 2));
         assert_eq!(shared[0].0, Point2::new(2.0, 1.0));
         let none = || [piece(&[4, 5])];
-        assert!(closest(&problem, &main, &none()).is_none());
-        assert!(closest(&problem, &main, &[]).is_none());
+        assert!(closest(&problem, &main, &none()).is_empty());
+        assert!(closest(&problem, &main, &[]).is_empty());
         // What both see counts where no landmark is placed in both.
         let [mut main, mut other] = [main, none()[0].map.clone()];
         main.poses[0] = Some(Pose::identity());
@@ -578,6 +613,6 @@ mod tests {
             framed: false,
         };
         let found = closest(&problem, &main, &[other]);
-        assert!(found.is_some_and(|(place, shared)| place == 0 && shared.is_empty()));
+        assert_eq!(found, [(0, Vec::new())]);
     }
 }

@@ -6,23 +6,24 @@
 //! and a known coordinate.
 
 use super::super::grow::resect_view;
-use super::super::incremental::place::backward;
 use super::super::robust::motions::{Motions, PoseTerm, descend_view};
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
+use super::choices::Choices;
+use super::smallest_sets::{at, by_pairs, on_circles, on_line, turned_to};
 use crate::geometry::Pose;
 use crate::lm::Loss;
-use crate::problem::{IndexedSighting, Map, Prior, Problem};
+use crate::problem::{Map, Prior, Problem};
 use alloc::vec;
 use alloc::vec::Vec;
-use nalgebra::{Complex, Point2, Translation2, UnitComplex, Vector2};
-
-/// Most landmarks whose pairs are tried for a view of known heading: a few dozen pairs are enough, and their number
-/// grows with the square.
-const PAIRED: usize = 10;
+use nalgebra::{Point2, UnitComplex, Vector2};
 
 /// Most steps of Gauss-Newton for a view; its three unknowns need a few.
 const STEPS: usize = 10;
+
+/// By how much the squares of a place of a view may exceed the least before it is no other choice: that of an outlier.
+const AS_GOOD: f64 = Loss::<f64>::TRUNCATED * Loss::<f64>::TRUNCATED;
+
+/// Places of a view are the same when their headings \[rad\], and positions over the size of the map, differ by less.
+const SAME: f64 = 0.03;
 
 /// What priors know, in the map frame.
 pub struct Known {
@@ -83,13 +84,14 @@ impl Known {
     }
 
     /// The view without a pose that most is known of, with its pose by that and by the landmarks of the map, as
-    /// [`locate`](Self::locate) finds it.
+    /// [`places`](Self::places) finds it; or another view and place that are about as good.
     pub fn locate_next(
         &self,
         problem: &Problem,
         map: &Map,
         motions: &Motions,
         framed: bool,
+        choices: &mut Choices,
     ) -> Option<(usize, Pose<f64>)> {
         let known = |view: usize| {
             2 * usize::from(self.positions[view].is_some())
@@ -101,32 +103,36 @@ impl Known {
             .filter(|&view| map.poses[view].is_none())
             .map(|view| {
                 let known = if framed { known(view) } else { 0 };
-                (map.connections_of_view(problem, view) + known, view)
+                let other = choices.among(2);
+                (map.connections_of_view(problem, view) + known + other, view)
             })
             .collect();
         missing.sort_by_key(|&(count, view)| (core::cmp::Reverse(count), view));
         missing.into_iter().find_map(|(_, view)| {
-            let pose = self.locate(problem, map, view, motions, framed)?;
-            Some((view, pose))
+            let places = self.places(problem, map, view, motions, framed, choices.vary());
+            let count = places.len();
+            let chosen = places.into_iter().nth(choices.among(count));
+            chosen.map(|pose| (view, pose))
         })
     }
 
-    /// The pose of a view in the map frame from what is known of it and of its landmarks; `None` when that does not fix
-    /// it.
+    /// The poses of a view in the map frame from what is known of it and of its landmarks; none when that does not fix it.
     ///
-    /// Of the poses that the smallest sets fix, the one that explains most, then the minimum next to it. In a map that is
-    /// not `framed`, not in the frame of the priors, landmarks alone count.
-    pub fn locate(
+    /// Of the poses that the smallest sets fix, the one that explains most, then the minimum next to it; with `others` all
+    /// the minima that explain about as much. In a map that is not `framed`, not in the frame of the priors, landmarks
+    /// alone count.
+    fn places(
         &self,
         problem: &Problem,
         map: &Map,
         view: usize,
         motions: &Motions,
         framed: bool,
-    ) -> Option<Pose<f64>> {
+        others: bool,
+    ) -> Vec<Pose<f64>> {
         let resected = resect_view(problem, map, view).map(|(pose, _)| pose);
         if !framed {
-            return resected;
+            return resected.into_iter().collect();
         }
         let seen: Vec<_> = map.seen(problem, view).collect();
         let mut candidates: Vec<Pose<f64>> = Vec::new();
@@ -159,94 +165,26 @@ impl Known {
             priors.map(|term| term.square(pose)).sum::<f64>()
                 + motions.cost(problem, map, view, pose)
         };
-        let best = candidates
-            .into_iter()
-            .min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+        let mut ranked: Vec<_> = candidates.iter().map(|pose| (cost(pose), pose)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let least = ranked.first().map_or(f64::INFINITY, |best| best.0);
+        ranked.retain(|(cost, _)| *cost <= least + AS_GOOD);
+        let tried = if others { ranked.len() } else { 1 };
         let loss = Loss::Cauchy(Loss::<f64>::CAUCHY);
-        Some(descend_view(problem, &seen, &terms, loss, best, STEPS))
-    }
-}
-
-fn at(position: Vector2<f64>, heading: UnitComplex<f64>) -> Pose<f64> {
-    Pose::from_parts(Translation2::from(position), heading)
-}
-
-/// A view at a position, turned so that it sees a point where it does.
-fn turned_to(
-    position: Vector2<f64>,
-    point: &Point2<f64>,
-    s: &IndexedSighting,
-) -> Option<Pose<f64>> {
-    let offset = point.coords - position;
-    let norm = offset.norm();
-    (norm > 0.0).then(|| {
-        let toward = Complex::new(offset.x / norm, offset.y / norm);
-        at(
-            position,
-            UnitComplex::new_unchecked(toward * s.bearing.into_inner().conj()),
-        )
-    })
-}
-
-/// Views of a heading that see two of their landmarks where they are.
-fn by_pairs(
-    problem: &Problem,
-    heading: UnitComplex<f64>,
-    seen: &[(Point2<f64>, &IndexedSighting)],
-) -> Vec<Pose<f64>> {
-    let mut found = Vec::new();
-    for (k, first) in seen.iter().take(PAIRED).enumerate() {
-        for second in seen.iter().take(k) {
-            found.extend(backward(heading, first, second, problem.is_oriented()));
-        }
-    }
-    found
-}
-
-/// A view of a heading that has a coordinate, on the ray backward from a landmark.
-fn on_line(
-    (axis, value): (usize, f64),
-    heading: UnitComplex<f64>,
-    point: &Point2<f64>,
-    s: &IndexedSighting,
-) -> Option<Pose<f64>> {
-    let ray = (heading * s.bearing).into_inner();
-    let ray = Vector2::new(ray.re, ray.im);
-    let range = (point[axis] - value) / ray[axis];
-    range
-        .is_finite()
-        .then(|| at(point.coords - ray * range, heading))
-}
-
-/// Views that have a coordinate and see two landmarks under their angle: where the line meets the two circles of the
-/// points that do so modulo pi.
-fn on_circles(
-    (axis, value): (usize, f64),
-    seen: &[(Point2<f64>, &IndexedSighting)],
-) -> Vec<Pose<f64>> {
-    let mut found = Vec::new();
-    for (k, (first, one)) in seen.iter().take(PAIRED).enumerate() {
-        for (second, two) in seen.iter().take(k) {
-            let between = (one.bearing.inverse() * two.bearing).into_inner();
-            let half = (second - first) * 0.5;
-            let off = Vector2::new(-half.y, half.x) * (between.re / between.im);
-            for off in [off, -off] {
-                let center = first + half + off;
-                let across = value - center[axis];
-                let square = (half + off).norm_squared() - across * across;
-                if !(square >= 0.0) {
-                    continue;
-                }
-                for along in [square.sqrt(), -square.sqrt()] {
-                    let mut place = center.coords;
-                    place[axis] = value;
-                    place[1 - axis] += along;
-                    found.extend(turned_to(place, first, one));
-                }
+        let far = SAME * map.size();
+        let mut found: Vec<Pose<f64>> = Vec::new();
+        for (_, start) in ranked.into_iter().take(tried) {
+            let place = descend_view(problem, &seen, &terms, loss, *start, STEPS);
+            let is_new = |other: &Pose<f64>| {
+                let error = other.inv_mul(&place);
+                error.translation.vector.norm() > far || error.rotation.angle().abs() > SAME
+            };
+            if found.iter().all(is_new) {
+                found.push(place);
             }
         }
+        found
     }
-    found
 }
 
 #[cfg(test)]
@@ -362,7 +300,19 @@ mod tests {
             for other in others.clone() {
                 assert!((other.translation.vector[axis] - place[axis]).abs() < 1e-12);
             }
-            // A circle far from the line does not meet it.
+            // A circle that hardly misses the line touches it, one far from the line does not meet it.
+            let [first, second] = [seen[0], seen[1]];
+            let between = (first.1.bearing.inverse() * second.1.bearing).angle();
+            let chord = second.0 - first.0;
+            let radius = chord.norm() / (2.0 * between.sin().abs());
+            let middle = first.0 + chord * 0.5;
+            let most = middle[axis].abs() + 2.0 * radius;
+            let touching = (0..4000).map(|k| most * (k as f64 / 2000.0 - 1.0));
+            let touching = touching.filter(|&value| {
+                let places = on_circles((axis, value), &[first, second]);
+                places.windows(2).any(|two| two[0] == two[1])
+            });
+            assert!(touching.count() > 0);
             assert!(on_circles((axis, 1e3), &seen).is_empty());
         }
     }
@@ -411,7 +361,9 @@ mod tests {
                 if moves {
                     map.poses[1] = Some(end);
                 }
-                known.locate(&problem, &map, 0, &motions, framed)
+                known
+                    .places(&problem, &map, 0, &motions, framed, false)
+                    .pop()
             };
             // With two landmarks and a coordinate there are several places; five decide.
             let enough = if needed == 2 { 5 } else { needed.max(1) };
@@ -424,6 +376,47 @@ mod tests {
             assert_eq!(locate(2, false), None);
             assert!(apart(&locate(5, false).unwrap(), &truth) < 1e-6);
         }
+    }
+
+    /// A coordinate and two landmarks leave two places open and more: the choices are between all of them.
+    #[test]
+    fn a_view_may_be_in_several_places() {
+        let (truth, map, problem) = setting();
+        let free = f64::INFINITY;
+        let prior = PosePrior {
+            view: 0,
+            pose: truth,
+            noise: Noise::Sigmas([0.1, free, free]),
+        };
+        let problem = problem.with_pose_priors(&[prior]).unwrap();
+        let (known, motions) = (Known::of(&problem), Motions::new(&problem));
+        let mut several = 0;
+        for first in 0..4 {
+            let mut two = map.clone();
+            two.landmarks[..first].fill(None);
+            two.landmarks[first + 2..].fill(None);
+            let places = known.places(&problem, &two, 0, &motions, true, true);
+            assert!(places.iter().any(|place| apart(place, &truth) < 1e-6));
+            several += usize::from(places.len() > 1);
+            let best = known.places(&problem, &two, 0, &motions, true, false);
+            assert_eq!(best, places[..1]);
+            let mut chosen = Vec::new();
+            for seed in 0..20 {
+                let mut choices = Choices::of_seed(seed);
+                let next = known.locate_next(&problem, &two, &motions, true, &mut choices);
+                let place = next.unwrap().1;
+                if !chosen.contains(&place) {
+                    chosen.push(place);
+                }
+            }
+            assert_eq!(chosen.len(), places.len());
+        }
+        assert!(several > 0);
+        // Five landmarks leave one.
+        assert_eq!(
+            known.places(&problem, &map, 0, &motions, true, true).len(),
+            1
+        );
     }
 
     /// A motion holds a view against bearings that do not fix it, and of two views the one that a motion reaches is next.
@@ -446,11 +439,12 @@ mod tests {
             for point in map.landmarks.iter_mut().flatten() {
                 point.y += 0.3;
             }
-            let found = known.locate(&problem, &map, 0, &motions, true).unwrap();
+            let found = known.places(&problem, &map, 0, &motions, true, false)[0];
             assert!(apart(&found, &truth) < 0.5, "{count}: {found}");
-            let next = known.locate_next(&problem, &map, &motions, true);
+            let next = known.locate_next(&problem, &map, &motions, true, &mut Choices::best());
             assert_eq!(next, Some((0, found)));
-            assert_eq!(known.locate_next(&problem, &map, &motions, false), None);
+            let apart = known.locate_next(&problem, &map, &motions, false, &mut Choices::best());
+            assert_eq!(apart, None);
         }
     }
 }

@@ -18,6 +18,8 @@ pub struct PosteriorOptions {
     pub first_iterations: usize,
     /// Most starts that go on then.
     pub finished: usize,
+    /// Growths with other choices where the best map leaves something out or is too costly.
+    pub regrowths: usize,
     /// Ranges at which all landmarks start together where rays hardly spread, in units of the distance that the views may
     /// have moved.
     pub far_radii: [f64; 3],
@@ -30,6 +32,7 @@ impl Default for PosteriorOptions {
             completions: 3,
             first_iterations: 100,
             finished: 3,
+            regrowths: 48,
             far_radii: [3.0, 10.0, 30.0],
         }
     }

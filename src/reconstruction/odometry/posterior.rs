@@ -9,10 +9,10 @@
 
 use super::super::attempt::{converged, recoverable};
 use super::super::behind::without_landmarks_behind;
-use super::super::choice::{SAME_COST, choose, prices};
+use super::super::choice::{SAME_COST, better, choose, prices};
 use super::super::far_views::without_far_views;
 use super::super::incremental::heading_sweep::place_by_headings;
-use super::super::infinity::drop_landmarks_at_infinity;
+use super::super::infinity::{drop_landmarks_at_infinity, views_beyond_horizon};
 use super::super::judge::{
     is_incomplete, is_plausible_consensus, is_plausible_posterior, is_too_costly, refuse_minority,
     variance,
@@ -25,12 +25,14 @@ use super::super::search::moves::moved_maps;
 use super::super::search::options::MoveOptions;
 use super::super::stages::StageOptions;
 use super::super::{persist, strategy};
+use super::choices::Choices;
 use super::complete::complete;
 use super::far_starts::far_starts;
 use super::growth::grow_from_priors;
 use super::headings::maps_from_positions;
 use super::known::Known;
 use super::least_squares::LeastSquaresPlacement;
+use super::parts::{beyond, tied};
 use super::ray_ends::other_ends;
 use super::robust_start;
 use crate::adjustment::{aligned_to_priors, refine_map};
@@ -78,12 +80,7 @@ pub fn solve_posterior(
         if attempts.suffice() {
             break;
         }
-        let growing = RefineOptions {
-            loss,
-            ..options.refine
-        };
-        let mut placement = LeastSquaresPlacement::new(problem, &growing, stages);
-        let grown = grow_from_priors(problem, &mut placement, &seeds, stages, attempts.progress)?;
+        let grown = attempts.grow(&seeds, loss, &mut Choices::best())?;
         if let Some(start) = grown.first() {
             attempts.refine_fitted(start)?;
         }
@@ -108,17 +105,27 @@ pub fn solve_posterior(
         }
         starts.extend(grown);
     }
-    let mut best = attempts.take_best()?.ok_or(NOTHING)?;
+    let best = attempts.take_best()?;
+    let best = if options.robust || attempts.many {
+        best
+    } else {
+        attempts.grown_otherwise(best, &seeds)?
+    };
+    let mut best = best.ok_or(NOTHING)?;
     // Views that the best does not reach, and that nothing connects to it, make maps of their own.
     let mut others: Vec<Reconstruction> = Vec::new();
     for start in &starts {
-        let mut maps = core::iter::once(&best).chain(&others);
-        if maps.any(|found| !found.map.is_apart_from(start)) {
+        let reached = core::iter::once(&best).chain(&others);
+        let rest = beyond(start, reached.map(|found| &found.map));
+        if rest.poses.iter().all(Option::is_none) {
             continue;
         }
-        attempts.refine_fitted(start)?;
-        // Completed, a map may reach views of another.
+        attempts.refine_fitted(&rest)?;
+        // What fits is a map, however it lies to the others; completed, it may reach views of another.
+        let bound = stages.judge.plausible_deviations;
         let found = attempts.found.drain(..);
+        let found =
+            found.filter(|one| rest.has_views_of(start) || !is_too_costly(problem, one, bound));
         let (apart, reaching): (Vec<_>, Vec<_>) =
             found.partition(|one| best.map.is_apart_from(&one.map));
         others.extend(apart);
@@ -140,6 +147,8 @@ pub fn solve_posterior(
     if options.robust {
         return strategy::with_components(problem, maps).ok_or(NOTHING);
     }
+    let mut refine = |start: &Map| attempts.whole(&aligned_to_priors(problem, start));
+    let mut maps = tied(problem, maps, stages, &mut refine)?;
     for map in &mut maps {
         drop_landmarks_at_infinity(problem, map, &stages.infinity);
         for rival in &mut map.alternatives {
@@ -186,11 +195,69 @@ impl Attempts<'_, '_> {
         self.many && self.found.iter().any(|found| plausible(found, judge))
     }
 
-    /// Whether all minima are higher than the standard deviations predict.
-    fn are_too_costly(&self) -> bool {
+    /// Maps grown by least squares with a loss, and with some choices.
+    fn grow(
+        &mut self,
+        seeds: &[Map],
+        loss: Loss<f64>,
+        choices: &mut Choices,
+    ) -> Result<Vec<Map>, Error> {
+        let stages = &self.options.stages;
+        let refine = RefineOptions {
+            loss,
+            ..self.options.refine
+        };
+        let mut placement = LeastSquaresPlacement::new(self.problem, &refine, stages);
+        grow_from_priors(
+            self.problem,
+            &mut placement,
+            seeds,
+            stages,
+            choices,
+            self.progress,
+        )
+    }
+
+    /// The best map, or a better one that grows with other choices, where it leaves out what has sightings enough or is too
+    /// costly.
+    fn grown_otherwise(
+        &mut self,
+        mut best: Option<Reconstruction>,
+        seeds: &[Map],
+    ) -> Result<Option<Reconstruction>, Error> {
         let judge = &self.options.stages.judge;
-        let mut found = self.found.iter();
-        found.all(|found| is_too_costly(self.problem, found, judge.plausible_deviations))
+        for k in 0..self.options.stages.posterior.regrowths {
+            if best
+                .as_ref()
+                .is_some_and(|best| !is_incomplete(best) && !self.is_too_costly(best))
+            {
+                break;
+            }
+            let mut choices = Choices::of_seed(self.options.seed.wrapping_add(k as u64));
+            let grown = self.grow(seeds, Loss::Squared, &mut choices)?;
+            if let Some(start) = grown.first() {
+                self.refine_fitted(start)?;
+            }
+            for found in core::mem::take(&mut self.found) {
+                best = match best {
+                    None => Some(found).filter(|found| !self.is_too_costly(found)),
+                    Some(best) => Some(better(self.problem, [best, found], judge)),
+                };
+            }
+        }
+        best.map(|best| converged(self.problem, best, self.options, self.progress))
+            .transpose()
+    }
+
+    /// Whether a minimum is higher than the standard deviations predict.
+    fn is_too_costly(&self, found: &Reconstruction) -> bool {
+        let bound = self.options.stages.judge.plausible_deviations;
+        is_too_costly(self.problem, found, bound)
+    }
+
+    /// Whether all minima are.
+    fn are_too_costly(&self) -> bool {
+        self.found.iter().all(|found| self.is_too_costly(found))
     }
 
     /// Refines a start, moved as a whole to where odometry and priors want it.
@@ -215,16 +282,41 @@ impl Attempts<'_, '_> {
             self.found.extend(found);
             return Ok(());
         }
-        let first = self.options.stages.posterior.first_iterations;
-        if let Some(found) = self.refined(start, first)? {
-            let found = self.completed(found)?;
-            self.found.push(found);
-        }
+        let found = self.whole(start)?;
+        self.found.extend(found);
         Ok(())
     }
 
-    /// A map with what all that is known adds to it, as long as that makes it better.
-    fn completed(&mut self, mut found: Reconstruction) -> Result<Reconstruction, Error> {
+    /// The minimum that a start leads to, completed.
+    fn whole(&mut self, start: &Map) -> Result<Option<Reconstruction>, Error> {
+        let first = self.options.stages.posterior.first_iterations;
+        let found = self.refined(start, first)?;
+        found.map(|found| self.completed(found)).transpose()
+    }
+
+    /// A map with what all that is known adds to it, as long as that makes it better. Views that are beyond its horizon are
+    /// placed anew.
+    fn completed(&mut self, found: Reconstruction) -> Result<Reconstruction, Error> {
+        let (problem, options) = (self.problem, self.options);
+        if self.many
+            || views_beyond_horizon(problem, &found.map, &options.stages.infinity).is_empty()
+        {
+            return self.with_missing(found);
+        }
+        let near = without_far_views(problem, found.clone(), options, self.progress);
+        let Ok(near) = recoverable(near)? else {
+            return self.with_missing(found);
+        };
+        let near = self.with_missing(near)?;
+        if near.map.has_views_of(&found.map) && !self.is_too_costly(&near) {
+            Ok(near)
+        } else {
+            self.with_missing(found)
+        }
+    }
+
+    /// A map with the views and landmarks that it lacks, as long as that makes it better.
+    fn with_missing(&mut self, mut found: Reconstruction) -> Result<Reconstruction, Error> {
         let stages = &self.options.stages;
         for _ in 0..stages.posterior.completions {
             let mut map = found.map.clone();

@@ -16,6 +16,7 @@ use super::super::robust::place::{place_landmark, sets};
 use super::super::robust::reassign::reestimate_each;
 use super::super::robust::solve::{check_sigmas, reconstruction};
 use super::super::stages::StageOptions;
+use super::choices::Choices;
 use super::frames::{Shared, laid_over};
 use super::growth::{Placement, grow_from_priors};
 use super::sweeps::sweep_odometry;
@@ -47,7 +48,8 @@ pub fn robust_starts(
         options: with_cauchy(options),
         random: ChaCha8Rng::seed_from_u64(options.seed),
     };
-    grow_from_priors(problem, &mut placement, seeds, &options.stages, progress)
+    let (stages, choices) = (&options.stages, &mut Choices::best());
+    grow_from_priors(problem, &mut placement, seeds, stages, choices, progress)
 }
 
 /// The robust placement.
