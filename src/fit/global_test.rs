@@ -75,7 +75,8 @@ fn squares_of_inliers(problem: &Problem, found: &Reconstruction) -> f64 {
     let sightings = problem.sightings().iter().zip(problem.input_order());
     let squares = sightings.filter_map(|(s, &place)| {
         let residual = found.residuals[place].filter(|_| found.inliers[place])?;
-        Some((residual * s.weight).powi(2))
+        let ratio = residual * s.weight;
+        Some(ratio * ratio)
     });
     squares.sum()
 }

@@ -232,7 +232,8 @@ impl Observed {
             .zip(parts.eigenvectors.column_iter())
         {
             if *value >= CONTROLLED {
-                square += direction.dot(&residuals).powi(2) / value;
+                let part = direction.dot(&residuals);
+                square += part * part / value;
                 freedom += 1.0;
             }
         }

@@ -5,8 +5,6 @@ use super::judge::{JudgeOptions, is_as_good, is_too_costly, mean_weight, roundin
 use super::result::Reconstruction;
 use crate::adjustment::gauge::gauge_and_prior_numbers;
 use crate::error::{Degeneracy, Error};
-#[cfg(not(feature = "std"))]
-use crate::float::Float;
 use crate::lm::Loss;
 use crate::problem::{Map, Problem, Undetermined, Why};
 use alloc::vec::Vec;
