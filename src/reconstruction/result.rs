@@ -6,7 +6,9 @@ use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Termination};
-use crate::problem::{Count, Map, Missing, ON_VIEW, Problem, Subject, Undetermined, Why};
+use crate::problem::{
+    Count, IndexedSighting, Map, Missing, ON_VIEW, Problem, Subject, Undetermined, Why,
+};
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -136,9 +138,18 @@ impl Reconstruction {
         let at_infinity = lost.filter(|one| {
             matches!(one.subject, Subject::Landmark(_)) && one.why == Why::AtInfinity
         });
-        let on_views = self
-            .map
-            .landmarks_on_views(problem, ON_VIEW * self.map.size());
+        let range = ON_VIEW * self.map.size();
+        let is_near = |s: &IndexedSighting| {
+            let (pose, point) = (&self.map.poses[s.view], &self.map.landmarks[s.landmark]);
+            pose.zip(*point).is_some_and(|(pose, point)| {
+                (pose.translation.vector - point.coords).norm_squared() < range * range
+            })
+        };
+        // Most maps have none.
+        if self.undetermined.is_empty() && !problem.sightings().iter().any(is_near) {
+            return;
+        }
+        let on_views = self.map.landmarks_on_views(problem, range);
         let (measured, unknown) = measured_and_unknown(problem, &self.map, &self.inliers);
         let unknown = unknown + at_infinity.count();
         self.freedom = (measured + on_views.len()).saturating_sub(unknown);
