@@ -204,6 +204,6 @@ fn with_priors(
         sightings: map.residuals(problem).flatten().count(),
         priors: gauge_and_prior_numbers(problem, &map),
     }]);
-    diagnosis.findings.extend(whole.fit(&map)?);
+    diagnosis.findings.extend(whole.fit(&map, &mut progress)?);
     whole.report_sparse(&map, None, false, diagnosis, &mut progress)
 }

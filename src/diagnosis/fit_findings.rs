@@ -3,12 +3,12 @@
 
 use super::finding::{Finding, Kind, Severity, apart};
 use super::sentences::{Case, finding_in};
-use crate::adjustment::{Report, refine_map};
+use crate::adjustment::refine_map;
 use crate::error::Error;
 use crate::fit::{Alarm, FitTest, Observation, TestOptions, test_fit};
 use crate::lm::RefineOptions;
 use crate::problem::{Map, Prior, Problem, Subject};
-use crate::reconstruction::Reconstruction;
+use crate::reconstruction::{Progress, Reconstruction, report_progress};
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -26,7 +26,7 @@ use alloc::vec::Vec;
 /// bearings[30] += 0.5;
 /// let problem = Problem::dense(6, 12, &bearings, 0.01)?;
 /// let found = solve(&problem, &SolveOptions::default(), None)?;
-/// let test = test_fit(&problem, &found, &TestOptions::default())?;
+/// let test = test_fit(&problem, &found, &TestOptions::default(), None)?;
 /// let findings = fit_findings(&problem, &test);
 /// let blunder = findings.iter().find(|one| one.kind == Kind::Blunder).unwrap();
 /// assert!(blunder.message.starts_with("the bearing of landmark 6 from view 2 contradicts the others"));
@@ -83,18 +83,22 @@ pub fn findings_at(
     problem: &Problem,
     map: &Map,
     outer: &dyn Fn(Subject) -> Subject,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Finding>, Error> {
     if !problem.states_sigma() {
         return Ok(Vec::new());
     }
     let mut map = map.clone();
-    let report: Report = match refine_map(problem, &mut map, &RefineOptions::default(), None) {
+    let options = RefineOptions::default();
+    let mut look = |done, _| report_progress(progress, "test", done, options.max_iterations);
+    let report = match refine_map(problem, &mut map, &options, Some(&mut look)) {
         Ok(report) => report,
         Err(error) if error.stops_all() => return Err(error),
         Err(_) => return Ok(Vec::new()),
     };
     let found = Reconstruction::tested(problem, &map, report);
-    let test = test_fit(problem, &found, &TestOptions::default())?;
+    let mut look = |stage: &'static str, done, all| report_progress(progress, stage, done, all);
+    let test = test_fit(problem, &found, &TestOptions::default(), Some(&mut look))?;
     Ok(findings(problem, &test, outer))
 }
 

@@ -51,7 +51,7 @@ impl SubProblem {
         self.report_absent(map, lost, Case::Usual, diagnosis);
         let unexplained = self.unexplained(map);
         if unexplained.is_none() && !hopeless {
-            diagnosis.findings.extend(self.fit(map)?);
+            diagnosis.findings.extend(self.fit(map, progress)?);
         }
         diagnosis.findings.extend(unexplained);
         match NormalizedMap::of_map(&self.problem, map) {
@@ -113,9 +113,14 @@ impl SubProblem {
     /// The findings of the test of the fit.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] when the normal equations do not fit into memory.
-    pub fn fit(&self, map: &Map) -> Result<Vec<Finding>, Error> {
-        findings_at(&self.problem, map, &|subject| self.outer(subject))
+    /// [`Error::OutOfMemory`] when the normal equations do not fit into memory, [`Error::Interrupted`] when `progress`
+    /// says so.
+    pub fn fit(
+        &self,
+        map: &Map,
+        progress: &mut Option<Progress<'_>>,
+    ) -> Result<Vec<Finding>, Error> {
+        findings_at(&self.problem, map, &|subject| self.outer(subject), progress)
     }
 
     fn second_solution(&self, margin: f64) -> Finding {

@@ -9,9 +9,9 @@ use crate::adjustment::refine_map;
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
-use crate::lm::{Loss, RefineOptions, Termination};
-use crate::problem::{Prior, Problem};
-use crate::reconstruction::Reconstruction;
+use crate::lm::{Loss, Observer, RefineOptions, Termination};
+use crate::problem::{Map, Prior, Problem};
+use crate::reconstruction::{Progress, Reconstruction, report_progress};
 use alloc::vec::Vec;
 
 /// Thresholds of the tests.
@@ -99,7 +99,8 @@ pub struct FitTest {
 /// (`robust`, truncated losses) the inliers are tested together.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`] when the normal equations do not fit into memory.
+/// [`Error::OutOfMemory`] when the normal equations do not fit into memory, [`Error::Interrupted`] when `progress` says
+/// so.
 ///
 /// # Example
 /// ```
@@ -109,7 +110,7 @@ pub struct FitTest {
 /// bearings[30] += 0.5;
 /// let problem = Problem::dense(6, 12, &bearings, 0.01)?;
 /// let found = solve(&problem, &SolveOptions::default(), None)?;
-/// let test = test_fit(&problem, &found, &Default::default())?;
+/// let test = test_fit(&problem, &found, &Default::default(), None)?;
 /// assert!(test.alarms.iter().any(|alarm| matches!(
 ///     alarm,
 ///     Alarm::Blunder { observation: Observation::Sighting(30), .. }
@@ -123,7 +124,9 @@ pub fn test_fit(
     problem: &Problem,
     found: &Reconstruction,
     options: &TestOptions,
+    progress: Option<Progress<'_>>,
 ) -> Result<FitTest, Error> {
+    let mut progress = progress;
     let global = GlobalTest::of(problem, found);
     let mut alarms = Vec::new();
     // The tests are those of a minimum.
@@ -143,7 +146,7 @@ pub fn test_fit(
         alarms.push(Alarm::OverstatedSigma);
     }
     if found.loss == Loss::Squared && is_suspicious(problem, found, &global, options) {
-        alarms.extend(blunders(problem, found, options)?);
+        alarms.extend(blunders(problem, found, options, &mut progress)?);
     }
     Ok(FitTest { global, alarms })
 }
@@ -173,6 +176,7 @@ fn blunders(
     problem: &Problem,
     found: &Reconstruction,
     options: &TestOptions,
+    progress: &mut Option<Progress<'_>>,
 ) -> Result<Vec<Alarm>, Error> {
     let mut named = Vec::new();
     let mut left = Left {
@@ -184,7 +188,10 @@ fn blunders(
         freedom: found.freedom,
     };
     while named.len() < options.most_blunders && left.freedom > 1 {
-        let checked = match redundancy(&left.problem, &left.map, &left.inliers, None) {
+        let (done, most) = (named.len(), options.most_blunders);
+        let mut look = |_, _| report_progress(progress, "test", done, most);
+        let checked = redundancy(&left.problem, &left.map, &left.inliers, Some(&mut look));
+        let checked = match checked {
             Ok(checked) => checked,
             Err(Error::Degenerate { .. }) => break,
             Err(error) => return Err(error),
@@ -196,7 +203,7 @@ fn blunders(
             observation,
             standardized,
         });
-        if !left.remove(observation)? {
+        if !left.remove(observation, &mut look)? {
             break;
         }
     }
@@ -225,7 +232,7 @@ struct Left {
     inliers: Vec<bool>,
     /// Which priors are left.
     priors: Vec<Observation>,
-    map: crate::problem::Map,
+    map: Map,
     square: f64,
     freedom: usize,
 }
@@ -269,7 +276,7 @@ impl Left {
     }
 
     /// Leaves an observation out and refines the rest; `false` when that cannot be.
-    fn remove(&mut self, observation: Observation) -> Result<bool, Error> {
+    fn remove(&mut self, observation: Observation, look: Observer<'_>) -> Result<bool, Error> {
         match observation {
             Observation::Sighting(k) => self.inliers[k] = false,
             prior => {
@@ -281,7 +288,7 @@ impl Left {
             }
         }
         let inner = self.problem.of_inliers(&self.inliers)?;
-        match refine_map(&inner, &mut self.map, &RefineOptions::default(), None) {
+        match refine_map(&inner, &mut self.map, &RefineOptions::default(), Some(look)) {
             Ok(report) if report.undetermined.is_empty() => {
                 let rest = Reconstruction::tested(&inner, &self.map, report);
                 (self.square, self.freedom) = (2.0 * rest.cost, rest.freedom);
@@ -304,7 +311,7 @@ mod tests {
 
     fn tested(problem: &Problem) -> FitTest {
         let found = solve(problem, &SolveOptions::default(), None).unwrap();
-        test_fit(problem, &found, &TestOptions::default()).unwrap()
+        test_fit(problem, &found, &TestOptions::default(), None).unwrap()
     }
 
     fn bearings() -> Vec<f64> {
@@ -353,6 +360,9 @@ mod tests {
         let odometry = scene.odometry([0.02, 0.02, 0.01], 1).unwrap();
         let mut wrong = odometry.clone();
         wrong[3].delta.translation.vector.x += 0.8;
+        // Beyond all tails.
+        let mut gross = odometry.clone();
+        gross[3].delta.translation.vector.x += 4.0;
         let priors: Vec<PosePrior> = (0..7)
             .map(|view| PosePrior {
                 view,
@@ -380,7 +390,28 @@ mod tests {
             assert!(standardized > 6.0, "{standardized}");
         };
         names(with(&wrong, &priors), Observation::Odometry(3));
+        names(with(&gross, &priors), Observation::Odometry(3));
         names(with(&odometry, &off), Observation::PosePrior(2));
+    }
+
+    /// Whoever waits is asked, and may stop the test.
+    #[test]
+    fn a_test_can_be_stopped() {
+        let mut bearings = bearings();
+        bearings[20] += 0.6;
+        let problem = Problem::dense(7, 14, &bearings, SIGMA).unwrap();
+        let found = solve(&problem, &SolveOptions::default(), None).unwrap();
+        let mut asked = 0;
+        let mut go_on = |_: &'static str, _: usize, _: usize| {
+            asked += 1;
+            true
+        };
+        let options = TestOptions::default();
+        assert!(test_fit(&problem, &found, &options, Some(&mut go_on)).is_ok());
+        assert!(asked > 3, "{asked}");
+        let mut stop = |_: &'static str, _: usize, _: usize| false;
+        let stopped = test_fit(&problem, &found, &options, Some(&mut stop));
+        assert_eq!(stopped, Err(Error::Interrupted));
     }
 
     /// Without the time, and with one degree of freedom, nothing is named.
@@ -396,11 +427,11 @@ mod tests {
             ..TestOptions::default()
         };
         assert_eq!(
-            test_fit(&problem, &found, &hasty).unwrap().alarms,
+            test_fit(&problem, &found, &hasty, None).unwrap().alarms,
             [Alarm::PoorFit]
         );
         found.freedom = 1;
-        let test = test_fit(&problem, &found, &TestOptions::default()).unwrap();
+        let test = test_fit(&problem, &found, &TestOptions::default(), None).unwrap();
         assert_eq!(test.alarms, [Alarm::PoorFit]);
     }
 
@@ -415,7 +446,7 @@ mod tests {
             ..SolveOptions::default()
         };
         let found = solve(&problem, &options, None).unwrap();
-        let test = test_fit(&problem, &found, &TestOptions::default()).unwrap();
+        let test = test_fit(&problem, &found, &TestOptions::default(), None).unwrap();
         assert_eq!(test.alarms, []);
         assert!(test.global.p_value > 1e-3 && test.global.square < 2.0 * found.cost);
     }

@@ -27,6 +27,17 @@ pub fn normal_exceeded(probability: f64) -> f64 {
     core::f64::consts::SQRT_2 * erfc_inv(2.0 * probability)
 }
 
+/// The value that a standard normal variable exceeds, to either side, as rarely as a chi-square its own.
+pub fn normal_exceeded_as_rarely(square: f64, freedom: f64) -> f64 {
+    let tail = upper_tail(square, freedom);
+    // Beyond the numbers that there are, the two differ by less than a hundredth.
+    if tail < f64::MIN_POSITIVE {
+        square.sqrt()
+    } else {
+        normal_exceeded(0.5 * tail)
+    }
+}
+
 /// The mean square of a standard normal variable that is within a bound: 0.9733 for 3.
 pub fn truncated_variance(bound: f64) -> f64 {
     let density = (-0.5 * bound * bound).exp() * (2.0 / core::f64::consts::PI).sqrt();
@@ -54,6 +65,15 @@ mod tests {
         close(lower_tail(20.0, 50.0), 4.694_938_142_679_987e-5);
         close(normal_exceeded(0.0005), 3.290_526_731_491_894_5);
         close(normal_exceeded(1e-9), 5.997_807_015_007_686_5);
+        close(normal_exceeded_as_rarely(9.0, 1.0), 3.0);
+        close(
+            normal_exceeded_as_rarely(16.0, 3.0),
+            3.254_984_814_594_930_5,
+        );
+        for (square, freedom) in [(1400.0, 1.0), (1400.0, 3.0), (1500.0, 3.0), (1e9, 3.0)] {
+            let exceeded = normal_exceeded_as_rarely(square, freedom);
+            assert!((exceeded / f64::sqrt(square) - 1.0).abs() < 0.01);
+        }
         close(truncated_variance(3.0), 0.973_336_924_662_541_5);
         assert_eq!((upper_tail(0.0, 4.0), lower_tail(0.0, 4.0)), (1.0, 0.0));
         assert!(upper_tail(1.0, 0.0).is_nan());

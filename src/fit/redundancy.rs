@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Redundancy of each observation: how far the others check it, and its residual in units of what they let it be.
 
-use super::distributions::{normal_exceeded, upper_tail};
+use super::distributions::normal_exceeded_as_rarely;
 use crate::adjustment::bundle::{Bundle, Rows};
 use crate::adjustment::decompose::symmetric_eigen;
 use crate::adjustment::gauge::gauge_directions;
 use crate::adjustment::normal_equations::Normal;
 use crate::adjustment::prior_rows::PriorRow;
-use crate::error::{Degeneracy, Error};
+use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
 use crate::lm::{Loss, Observer};
 use crate::problem::{Map, Prior, Problem, Subject};
-use crate::uncertainty::observe;
+use crate::uncertainty::{LIFT, SINGULAR_EQUATIONS, observe};
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, DVector};
@@ -88,15 +88,13 @@ pub fn redundancy(
     let bundle = Bundle::from_map(map);
     let mut rows = Rows::of(&active);
     bundle.linearize(&active, Loss::Squared, &mut rows);
+    observe(&mut observer, 0, inliers.len())?;
     let mut normal = Normal::new(&active).ok_or(Error::OutOfMemory)?;
     let gauge = gauge_directions(&active, &bundle);
     normal.assemble(&rows, &gauge);
-    if !normal.factorize(0.0) {
-        return Err(Error::Degenerate {
-            kind: Degeneracy::FreeMap,
-            value: f64::INFINITY,
-            bound: 1.0,
-        });
+    // A landmark that has moved onto a view makes them singular beyond the arithmetic.
+    if !normal.factorize(0.0) && !normal.factorize(LIFT) {
+        return Err(SINGULAR_EQUATIONS);
     }
     let views = active.views();
     let mut all: Vec<Observed> = Vec::with_capacity(rows.sightings.len() + rows.priors.len());
@@ -239,7 +237,7 @@ impl Observed {
         }
         Checked {
             redundancy,
-            standardized: normal_exceeded(0.5 * upper_tail(square, freedom)),
+            standardized: normal_exceeded_as_rarely(square, freedom),
         }
     }
 }

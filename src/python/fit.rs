@@ -4,7 +4,7 @@
 use super::convert::{self, Floats};
 use super::observer::InterpreterObserver;
 use super::request::Request;
-use crate::Checked;
+use crate::{Checked, Map, Problem};
 use alloc::vec::Vec;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -28,9 +28,7 @@ pub fn redundancy<'py>(
     landmarks: Floats<'py>,
     inliers: PyReadonlyArray1<'py, bool>,
 ) -> PyResult<RawRedundancy<'py>> {
-    let problem = request.read(py)?;
-    let map = convert::map(py, &poses, &landmarks)?;
-    let inliers: Vec<bool> = inliers.as_array().to_vec();
+    let (problem, map, inliers) = read(py, &request, (&poses, &landmarks), &inliers)?;
     let found = InterpreterObserver::run(py, None, |watch| {
         let all = problem.sightings().len() + problem.priors().len();
         let mut look = |done, _| watch("redundancy", done, all);
@@ -51,6 +49,16 @@ pub fn redundancy<'py>(
     })
 }
 
+fn read(
+    py: Python<'_>,
+    request: &Request<'_>,
+    (poses, landmarks): (&Floats<'_>, &Floats<'_>),
+    inliers: &PyReadonlyArray1<'_, bool>,
+) -> PyResult<(Problem, Map, Vec<bool>)> {
+    let map = convert::map(py, poses, landmarks)?;
+    Ok((request.read(py)?, map, inliers.as_array().to_vec()))
+}
+
 #[pyfunction]
 pub fn expected_error<'py>(
     py: Python<'py>,
@@ -60,9 +68,7 @@ pub fn expected_error<'py>(
     inliers: PyReadonlyArray1<'py, bool>,
     sigma0: f64,
 ) -> PyResult<f64> {
-    let problem = request.read(py)?;
-    let map = convert::map(py, &poses, &landmarks)?;
-    let inliers: Vec<bool> = inliers.as_array().to_vec();
+    let (problem, map, inliers) = read(py, &request, (&poses, &landmarks), &inliers)?;
     InterpreterObserver::run(py, None, |watch| {
         let all = map.poses.len() + map.landmarks.len();
         let mut look = |done, _| watch("covariance", done, all);

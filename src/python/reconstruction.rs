@@ -4,7 +4,7 @@
 use super::convert;
 use super::finding::RawFinding;
 use crate::{
-    Covariance, Error, FitTest, GlobalTest, Problem, Reconstruction, Subject, TestOptions,
+    Covariance, Error, FitTest, GlobalTest, Problem, Progress, Reconstruction, Subject, TestOptions,
 };
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -53,9 +53,11 @@ impl Tested {
         problem: &Problem,
         found: Reconstruction,
         covariance: Option<Covariance>,
+        watch: Progress<'_>,
     ) -> Result<Self, Error> {
         let all = core::iter::once(&found).chain(&found.components);
-        let tests = all.map(|one| crate::test_fit(problem, one, &TestOptions::default()));
+        let options = TestOptions::default();
+        let tests = all.map(|one| crate::test_fit(problem, one, &options, Some(&mut *watch)));
         Ok(Self {
             tests: tests.collect::<Result<_, _>>()?,
             found,

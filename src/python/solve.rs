@@ -81,8 +81,8 @@ pub fn initialize<'py>(
     let problem = request.read(py)?;
     let options = settings.read(py)?;
     let found = InterpreterObserver::run(py, progress, |watch| {
-        let found = crate::initialize(&problem, &options, Some(watch))?;
-        Tested::new(&problem, found, None)
+        let found = crate::initialize(&problem, &options, Some(&mut *watch))?;
+        Tested::new(&problem, found, None, watch)
     })?;
     found.with_alternatives(py, &problem)
 }
@@ -106,8 +106,9 @@ pub fn solve<'py>(
     };
     let found = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::solve(&problem, &options, Some(&mut *watch))?;
-        let covariance = wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, watch));
-        Tested::new(&problem, found, covariance.transpose()?)
+        let covariance =
+            wanted.map(|wanted| wanted.compute(&problem, &found.map, loss, &mut *watch));
+        Tested::new(&problem, found, covariance.transpose()?, watch)
     })?;
     found.with_alternatives(py, &problem)
 }
@@ -129,8 +130,8 @@ pub fn refine<'py>(
     let found = InterpreterObserver::run(py, progress, |watch| {
         let found = crate::refine(&problem, &start, &options, Some(&mut *watch))?;
         let covariance =
-            wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, watch));
-        Tested::new(&problem, found, covariance.transpose()?)
+            wanted.map(|wanted| wanted.compute(&problem, &found.map, options.loss, &mut *watch));
+        Tested::new(&problem, found, covariance.transpose()?, watch)
     })?;
     found.map(py, &problem)
 }
