@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod attempts;
 mod choices;
 mod compass;
 mod complete;
