@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The result of a reconstruction.
 
+use super::certificate::Certificate;
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
 use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
@@ -63,6 +64,9 @@ pub struct Reconstruction {
     /// each in a gauge of its own. A landmark may be in several maps. What is `undetermined` in this map
     /// is in none of them.
     pub components: Vec<Self>,
+    /// What the verification has shown; `None` without [`SolveOptions::verify`](crate::SolveOptions::verify), and for
+    /// alternatives and components.
+    pub certificate: Option<Certificate>,
 }
 
 /// Relative difference between the cost of a refinement and that of the map it reports above which the frame has rounded.
@@ -108,6 +112,7 @@ impl Reconstruction {
             uncertainty: f64::NAN,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         }
     }
 }
@@ -247,6 +252,7 @@ mod tests {
             uncertainty: f64::NAN,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         };
         assert_eq!(
             found.to_string(),
