@@ -60,6 +60,7 @@ class RawReconstruction(TypedDict):
     freedom: int
     sensitivity: float
     uncertainty: float
+    worst: tuple[str, int] | None
     sigma0: float
     p_value: float
     findings: list[RawFinding]
