@@ -2,8 +2,8 @@
 //! The classes of scenes. All lengths are metres; sigmas are as stated unless the class says otherwise.
 
 use bearslam::{
-    Arena, LandmarkPrior, Layout, Map, Noise, Odometry, Pose, PosePrior, Problem, Scene, Sighting,
-    bearing_to, pose, simulate,
+    Arena, LandmarkPrior, Layout, Map, Noise, Odometry, Outliers, Pose, PosePrior, Problem, Scene,
+    Sighting, bearing_to, pose, simulate,
 };
 use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
@@ -533,7 +533,7 @@ pub fn limited_sight(seed: u64, views: usize, outliers: f64) -> Instance {
     };
     let clean =
         simulate(Layout::Trajectory, views, landmarks, noise, seed, arena).expect("a scene");
-    let (scene, all_wrong) = clean.contaminate(outliers, seed);
+    let (scene, all_wrong) = clean.contaminate(Outliers::Mixture, outliers, seed);
     let world = World::of(&scene, seed, noise);
     let (mut sightings, mut wrong) = (Vec::new(), Vec::new());
     for (place, &bearing) in scene.bearings.iter().enumerate() {

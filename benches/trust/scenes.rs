@@ -2,7 +2,7 @@
 //! The classes of scenes. Lengths are metres.
 
 use super::starts::{Instance, MOTION, World, corridor, drive, limited_sight, of};
-use bearslam::{Arena, Layout, Map, Odometry, Problem, Scene, Sighting, pose, simulate};
+use bearslam::{Arena, Layout, Map, Odometry, Outliers, Problem, Scene, Sighting, pose, simulate};
 use nalgebra::Point2;
 use rand::RngExt;
 use std::f64::consts::{PI, TAU};
@@ -102,13 +102,13 @@ pub const CLASSES: [Class; 19] = [
     Class {
         name: "wrong-5-20",
         robust: true,
-        build: |seed| contaminated(seed, 0.05 + 0.05 * of(seed, 4) as f64),
+        build: |seed| contaminated(seed, Outliers::Uniform, 0.05 + 0.05 * of(seed, 4) as f64),
         ..SQUARES
     },
     Class {
         name: "exchanged",
         robust: true,
-        build: |seed| exchanged(seed, 0.1 + 0.1 * of(seed, 4) as f64),
+        build: |seed| contaminated(seed, Outliers::Exchanged, 0.1 + 0.1 * of(seed, 4) as f64),
         ..SQUARES
     },
     Class {
@@ -233,9 +233,9 @@ fn one_wrong_bearing(seed: u64) -> Instance {
 }
 
 /// A table of 8 to 12 views and 12 to 18 landmarks with a share of outliers.
-fn contaminated(seed: u64, share: f64) -> Instance {
+fn contaminated(seed: u64, kind: Outliers, share: f64) -> Instance {
     let (scene, noise) = rich_table(seed);
-    let (scene, wrong) = scene.contaminate(share, seed);
+    let (scene, wrong) = scene.contaminate(kind, share, seed);
     stated(&scene, scene.map(), noise, wrong)
 }
 
@@ -247,51 +247,12 @@ fn rich_table(seed: u64) -> (Scene, f64) {
     (scene.expect("a scene"), noise)
 }
 
-/// A table in which a share of the bearings carries the identity of another landmark of the same view.
-fn exchanged(seed: u64, share: f64) -> Instance {
-    let (mut scene, noise) = rich_table(seed);
-    let mut world = World::of(&scene, seed, noise);
-    let columns = scene.landmarks.len();
-    let mut wrong = vec![false; scene.bearings.len()];
-    for view in 0..scene.poses.len() {
-        let mut places: Vec<usize> = (view * columns..(view + 1) * columns).collect();
-        for k in 0..columns {
-            places.swap(k, world.random.random_range(k..columns));
-        }
-        places.truncate(((share * columns as f64).round() as usize).max(2));
-        let first = scene.bearings[places[0]];
-        for pair in places.windows(2) {
-            scene.bearings[pair[0]] = scene.bearings[pair[1]];
-        }
-        scene.bearings[places[places.len() - 1]] = first;
-        places.into_iter().for_each(|place| wrong[place] = true);
-    }
-    stated(&scene, scene.map(), noise, wrong)
-}
-
-/// A table in which the last landmark bears the identity of the first in about half of the views.
+/// A table of which half of the sightings of one landmark are of another, which bears no identity of its own.
 fn two_under_one(seed: u64) -> Instance {
     let (scene, noise) = rich_table(seed);
-    let mut world = World::of(&scene, seed, noise);
-    let all = scene.landmarks.len();
-    let columns = all - 1;
-    let mut merged = Scene {
-        landmarks: scene.landmarks[..columns].to_vec(),
-        bearings: Vec::new(),
-        ..scene.clone()
-    };
-    let mut wrong = Vec::new();
-    for row in scene.bearings.chunks_exact(all) {
-        let is_other = world.random.random::<f64>() < 0.5;
-        merged.bearings.extend_from_slice(&row[..columns]);
-        wrong.extend((0..columns).map(|column| column == 0 && is_other));
-        if is_other {
-            let place = merged.bearings.len() - columns;
-            merged.bearings[place] = row[columns];
-        }
-    }
-    let truth = merged.map();
-    stated(&merged, truth, noise, wrong)
+    // Any share that one pair of landmarks reaches.
+    let (scene, wrong) = scene.contaminate(Outliers::Merged, 0.01, seed);
+    stated(&scene, scene.map(), noise, wrong)
 }
 
 /// A drive with odometry.

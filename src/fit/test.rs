@@ -107,7 +107,7 @@ mod tests {
     use super::*;
     use crate::problem::{Noise, PosePrior, Subject, Undetermined, Why};
     use crate::reconstruction::{SolveOptions, solve};
-    use crate::simulate::{Arena, Layout, simulate};
+    use crate::simulate::{Arena, Layout, Outliers, simulate};
 
     const SIGMA: f64 = 0.01;
 
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn robust_maps_are_tested_by_their_inliers() {
         let scene = simulate(Layout::Mixed, 10, 15, SIGMA, 5, Arena::default()).unwrap();
-        let (scene, _) = scene.contaminate(0.2, 1);
+        let (scene, _) = scene.contaminate(Outliers::Mixture, 0.2, 1);
         let problem = Problem::dense(10, 15, &scene.bearings, SIGMA).unwrap();
         let options = SolveOptions {
             robust: true,

@@ -141,6 +141,15 @@ def test_lines_instead_of_rays(tmp_path, capsys):
     assert float(text.split("residual rms ")[1].split()[0]) < 0.2
 
 
+def test_outliers_are_simulated_by_kind(tmp_path):
+    path = tmp_path / "scene.csv"
+    arguments = ["--noise-deg", "1", "--seed", "3", "--outliers", "0.4", "--outlier-kind", "exchanged"]
+    assert main(["simulate", "mixed", "6", "9", *arguments, "-o", str(path)]) == 0
+    options = {"noise": np.radians(1), "seed": 3, "outliers": 0.4, "outlier_kind": "exchanged"}
+    scene = bearslam.simulate("mixed", 6, 9, **options)
+    np.testing.assert_allclose(bearslam.load(path).sightings.bearing, scene.bearings.ravel(), rtol=0, atol=1e-12)
+
+
 def test_standard_input_and_output_make_a_pipe():
     made = run("simulate", "enclosed", 4, 9, "--noise-deg", 1, "--seed", 3)
     assert made.returncode == 0
