@@ -2,13 +2,18 @@
 //! Test of the fit: whether the residuals of a map are what the stated standard deviations predict, and which
 //! observation is at fault.
 
+mod alarm;
 mod data_snooping;
 pub(crate) mod distributions;
 mod expected_error;
 mod global_test;
+mod left_out;
 mod redundancy;
+mod test;
+mod wrong_sensor;
 
-pub use data_snooping::{Alarm, FitTest, Observation, TestOptions, test_fit};
+pub use alarm::{Alarm, Observation, TestOptions};
 pub use expected_error::expected_error;
 pub use global_test::GlobalTest;
 pub use redundancy::{Checked, Redundancy, redundancy};
+pub use test::{FitTest, test_fit};

@@ -127,7 +127,7 @@ pub use reconstruction::{
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
-pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
+pub use simulate::{Arena, Bound, Errors, Layout, Outliers, Scene, simulate};
 #[cfg(feature = "rayon")]
 pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, SweepTrial, Tally, TrialOutcome,

@@ -68,6 +68,7 @@ class RawReconstruction(TypedDict):
     freedom: int
     sensitivity: float
     uncertainty: float
+    worst: tuple[str, int] | None
     sigma0: float
     p_value: float
     findings: list[RawFinding]
@@ -170,7 +171,9 @@ def simulate(
     width: float,
     height: float,
     sight: float,
-) -> tuple[_Float, _Float, _Float]: ...
+    outliers: float,
+    outlier_kind: str,
+) -> tuple[_Float, _Float, _Float, NDArray[np.bool_]]: ...
 def odometry(poses: _Float, sigmas: tuple[float, float, float], seed: int) -> _Float: ...
 def three_view_batch(
     bearings: _Float, method: str, reweights: int

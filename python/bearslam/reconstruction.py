@@ -62,7 +62,7 @@ class Reconstruction(Estimate):
         How well it explains the bearings.
     sigma0, p_value, findings, redundancy, standardized_residuals
         Whether the residuals are what the standard deviations predict.
-    expected_error, sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
+    expected_error, sensitivity, uncertainty, worst, pose_covariance, landmark_covariance, covariance_frame
         How well the bearings determine it.
     converged, termination, iterations
         How the refinement ended.
@@ -266,6 +266,7 @@ def from_core(
         rms=raw["rms"],
         sensitivity=raw["sensitivity"],
         uncertainty=raw["uncertainty"],
+        worst=cast("tuple[Literal['view', 'landmark'], int] | None", raw["worst"]),
         sigma0=raw["sigma0"],
         p_value=raw["p_value"],
         findings=findings(raw["findings"]),

@@ -24,6 +24,8 @@ pub struct RawReconstruction<'py> {
     freedom: usize,
     sensitivity: f64,
     uncertainty: f64,
+    /// Kind and index.
+    worst: Option<(&'static str, usize)>,
     sigma0: f64,
     p_value: f64,
     findings: Vec<RawFinding>,
@@ -154,6 +156,7 @@ impl<'py> RawReconstruction<'py> {
             freedom: found.freedom,
             sensitivity: found.sensitivity,
             uncertainty: found.uncertainty,
+            worst: found.worst.map(subject),
             sigma0: test.sigma0,
             p_value: test.p_value,
             findings: Vec::new(),

@@ -57,6 +57,9 @@ pub struct Reconstruction {
     /// It is linearised at the estimate, so it is too small where the estimate mistakes noise for parallax,
     /// as with landmarks along a wall. NaN when there are no degrees of freedom to estimate the noise from.
     pub uncertainty: f64,
+    /// The view or landmark that moves most in that direction: where it alone is loose, the others may be well known.
+    /// `None` where the sensitivity was not computed.
+    pub worst: Option<Subject>,
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
     pub alternatives: Vec<Self>,
@@ -110,6 +113,7 @@ impl Reconstruction {
             undetermined: report.undetermined,
             sensitivity: f64::NAN,
             uncertainty: f64::NAN,
+            worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
             certificate: None,
@@ -250,6 +254,7 @@ mod tests {
             }],
             sensitivity: f64::NAN,
             uncertainty: f64::NAN,
+            worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
             certificate: None,

@@ -12,6 +12,7 @@ from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.input import INPUT, add_input, read_input
 from bearslam.cli.report import describe, errors, listing
 from bearslam.cli.warnings import warnings
+from bearslam.data.maps import is_mirrored
 from bearslam.data.options import FRAMES, LOSSES, METHODS, RefineOptions, SearchOptions
 from bearslam.errors import InvalidInputError
 from bearslam.io.endings import RESULTS
@@ -156,6 +157,11 @@ def _run(options: argparse.Namespace) -> None:
     print(describe(result))
     if truth is not None:
         print(errors(result, truth))
+        if is_mirrored(result, truth):
+            print_error(
+                "warning: the mirror image of the map fits the truth: change the signs of the bearings, which count "
+                "counter-clockwise"
+            )
     if options.output is None:
         print("", listing(result), sep="\n")
     for warning in warnings(result, robust=options.robust):

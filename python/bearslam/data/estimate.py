@@ -81,6 +81,10 @@ class Estimate:
         determine the map, however well it explains them. It is evaluated at the map: where noise was mistaken for
         parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to estimate the noise
         from.
+    worst : (str, int), or None
+        The view or landmark that moves most in that direction, such as ("view", 17). One view that is badly held makes
+        a map uncertain whose rest may be well known; `expected_error` says how well. None where the sensitivity was not
+        computed.
     sigma0 : float
         A-posteriori standard deviation of unit weight: root mean square of the residuals over their standard
         deviations, per degree of freedom; 1 where the stated standard deviations are right. With ``robust=True`` and
@@ -152,6 +156,7 @@ class Estimate:
     iterations: int
     freedom: int
     inliers: NDArray[np.bool_]
+    worst: tuple[Literal["view", "landmark"], int] | None = None
     undetermined: tuple[Undetermined, ...] = ()
     findings: tuple[Finding, ...] = ()
     alternatives: tuple[Estimate, ...] = ()

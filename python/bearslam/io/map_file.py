@@ -116,6 +116,7 @@ def _summary(result: Estimate) -> dict[str, object]:
         "rms": _number(result.rms),
         "sensitivity": _number(result.sensitivity),
         "uncertainty": _number(result.uncertainty),
+        "worst": _worst(result),
         "sigma0": _number(result.sigma0),
         "p_value": _number(result.p_value),
         "findings": [asdict(one) for one in result.findings],
@@ -132,6 +133,13 @@ def _certificate(result: Estimate) -> dict[str, object] | None:
         return None
     views = None if certificate.views is None else [_id(result.view_ids, i) for i in certificate.views]
     return {**asdict(certificate), "views": views, "cone": _number(certificate.cone)}
+
+
+def _worst(result: Estimate) -> dict[str, object] | None:
+    if result.worst is None:
+        return None
+    kind, index = result.worst
+    return {"kind": kind, "id": _id(result.view_ids if kind == "view" else result.landmark_ids, index)}
 
 
 def _map(

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: MIT OR Apache-2.0
+//! Sensors whose bearings are all turned by one angle, or counted clockwise.
+//!
+//! From bearings alone neither shows: headings take up the angle, and the mirror image of the map explains the others.
+//! Odometry and priors contradict them, and the fit is poor. One unknown more, or the mirror image, explains it.
+
+use super::alarm::{Alarm, TestOptions, is_poor};
+use super::distributions::normal_exceeded;
+use crate::adjustment::refine_map;
+use crate::error::Error;
+#[cfg(not(feature = "std"))]
+use crate::float::Float;
+use crate::geometry::Bearing;
+use crate::lm::{Observer, RefineOptions};
+use crate::problem::{Map, Prior, Problem};
+use crate::reconstruction::{Progress, Reconstruction, SolveOptions, report_progress, solve};
+use alloc::vec::Vec;
+use core::f64::consts::{FRAC_PI_4, PI};
+
+/// What a sensor with one unknown more explains of a poor fit; `None` when it does not.
+///
+/// The angle is first sought from the map, then from maps of bearings turned by multiples of 45 degrees; last, all
+/// bearings are mirrored.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so.
+pub fn wrong_sensor(
+    problem: &Problem,
+    found: &Reconstruction,
+    options: &TestOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Alarm>, Error> {
+    let whole = Fit::of(found);
+    let all: Vec<usize> = (0..problem.views()).collect();
+    let mut tried = 0;
+    let mut look = |_, _| {
+        tried += 1;
+        report_progress(progress, "test", tried, 0)
+    };
+    let mut groups = Vec::from([all.clone()]);
+    groups.extend(most_turned_robot(problem, &found.map));
+    for views in groups {
+        let turned = Turned::new(problem, &views);
+        let near = turned.least(&found.map, 0.0, &mut look)?;
+        if let Some((angle, _)) = near.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
+            return Ok(Some(Alarm::TurnedBearings { views, angle }));
+        }
+    }
+    let turned = Turned::new(problem, &all);
+    for eighth in [1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0] {
+        let start = FRAC_PI_4 * eighth;
+        let Some(map) = map_of(&turned.by(start), &mut look)? else {
+            continue;
+        };
+        let least = turned.least(&map, start, &mut look)?;
+        if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
+            return Ok(Some(Alarm::TurnedBearings { views: all, angle }));
+        }
+    }
+    let mirrored = problem.with_bearings(|s| s.bearing.inverse());
+    let Some(mut map) = map_of(&mirrored, &mut look)? else {
+        return Ok(None);
+    };
+    let fit = refined(&mirrored, &mut map, &mut look)?;
+    let is_explained = fit.is_some_and(|fit| whole.is_explained_by(&fit, options));
+    Ok(is_explained.then_some(Alarm::MirroredBearings))
+}
+
+/// The sum of squares of a map and its degrees of freedom.
+#[derive(Clone, Copy)]
+struct Fit {
+    square: f64,
+    freedom: usize,
+}
+
+impl Fit {
+    fn of(found: &Reconstruction) -> Self {
+        Self {
+            square: 2.0 * found.cost,
+            freedom: found.freedom,
+        }
+    }
+
+    /// Whether a fit with one unknown more is good, or a tenth as bad, and not so by chance. It may explain what the
+    /// other leaves out.
+    fn is_explained_by(&self, other: &Self, options: &TestOptions) -> bool {
+        let Some(freedom) = other.freedom.checked_sub(1).filter(|f| *f > 0) else {
+            return false;
+        };
+        if other.freedom > self.freedom + 1 && !is_poor(other.square, freedom, options) {
+            return true;
+        }
+        let variance = (other.square / freedom as f64).max(1.0);
+        let significant = normal_exceeded(options.blunder_significance);
+        let is_gain = self.square - other.square > significant * significant * variance;
+        let is_good = !is_poor(other.square, freedom, options)
+            || other.square < options.explained * self.square;
+        is_gain && is_good && other.freedom >= self.freedom
+    }
+}
+
+/// A problem whose bearings from some views are turned by an angle.
+struct Turned<'a> {
+    problem: &'a Problem,
+    is_turned: Vec<bool>,
+    /// Sum of the squared weights of the turned bearings.
+    information: f64,
+}
+
+/// Steps in search of an angle; they converge in some five.
+const STEPS: usize = 20;
+
+/// Longest step \[rad\].
+const LONGEST: f64 = 0.5;
+
+/// Part of the standard deviation of the angle to which it is found.
+const ACCURACY: f64 = 1e-2;
+
+impl<'a> Turned<'a> {
+    fn new(problem: &'a Problem, views: &[usize]) -> Self {
+        let mut is_turned = alloc::vec![false; problem.views()];
+        for &view in views {
+            is_turned[view] = true;
+        }
+        let sightings = problem.sightings().iter();
+        let turned = sightings.filter(|s| is_turned[s.view]);
+        let information = turned.map(|s| s.weight * s.weight).sum();
+        Self {
+            problem,
+            is_turned,
+            information,
+        }
+    }
+
+    /// The bearings without the angle by which the sensor turns them.
+    fn by(&self, angle: f64) -> Problem {
+        let back = Bearing::new(-angle);
+        self.problem.with_bearings(|s| {
+            if self.is_turned[s.view] {
+                back * s.bearing
+            } else {
+                s.bearing
+            }
+        })
+    }
+
+    /// The derivative of the cost of the minimum by the angle: at a minimum the map does not contribute.
+    fn slope(&self, problem: &Problem, map: &Map) -> f64 {
+        let pairs = problem.sightings().iter().zip(map.residuals(problem));
+        let turned = pairs.filter(|(s, _)| self.is_turned[s.view]);
+        let slopes = turned.filter_map(|(s, residual)| Some(s.weight * s.weight * residual?));
+        slopes.sum()
+    }
+
+    /// The angle of least cost next to a start, and the fit there; `None` where none is found.
+    ///
+    /// The secant method on the derivative of the cost.
+    fn least(
+        &self,
+        start: &Map,
+        angle: f64,
+        look: Observer<'_>,
+    ) -> Result<Option<(f64, Fit)>, Error> {
+        let (mut map, mut angle) = (start.clone(), angle);
+        let mut curvature = self.information;
+        let mut last: Option<(f64, f64)> = None;
+        for _ in 0..STEPS {
+            let problem = self.by(angle);
+            let Some(fit) = refined(&problem, &mut map, look)? else {
+                return Ok(None);
+            };
+            let slope = self.slope(&problem, &map);
+            if let Some((other, slope_there)) = last {
+                let secant = (slope - slope_there) / (angle - other);
+                // Where the cost bends down, the step stays the last one downhill.
+                if secant > 0.0 {
+                    curvature = secant.min(self.information);
+                }
+            }
+            let step = (-slope / curvature).clamp(-LONGEST, LONGEST);
+            if step.abs() * curvature.sqrt() < ACCURACY {
+                let wrapped = Bearing::new(angle).angle();
+                return Ok(Some((wrapped, fit)));
+            }
+            last = Some((angle, slope));
+            angle += step;
+            if (angle - last.map_or(angle, |(before, _)| before)).abs() > PI {
+                return Ok(None);
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Refines a map; `None` where that leads nowhere.
+fn refined(problem: &Problem, map: &mut Map, look: Observer<'_>) -> Result<Option<Fit>, Error> {
+    match refine_map(problem, map, &RefineOptions::default(), Some(look)) {
+        Ok(report) => Ok(Some(Fit::of(&Reconstruction::tested(problem, map, report)))),
+        Err(error) if error.stops_all() => Err(error),
+        Err(_) => Ok(None),
+    }
+}
+
+/// A map without an initial guess; `None` where there is none.
+fn map_of(problem: &Problem, look: Observer<'_>) -> Result<Option<Map>, Error> {
+    let mut go_on = |_: &'static str, done, _| look(done, 0.0);
+    match solve(problem, &SolveOptions::default(), Some(&mut go_on)) {
+        Ok(found) => Ok(Some(found.map)),
+        Err(error) if error.stops_all() => Err(error),
+        Err(_) => Ok(None),
+    }
+}
+
+/// Of several robots, the one whose bearings most agree that they are turned: the largest mean residual over its standard
+/// deviation. `None` of one robot.
+fn most_turned_robot(problem: &Problem, map: &Map) -> Option<Vec<usize>> {
+    let mut robot: Vec<usize> = (0..problem.views()).collect();
+    for prior in problem.priors() {
+        if let Prior::Motion { start, end, .. } = prior {
+            let (kept, lost) = (robot[*start], robot[*end]);
+            for one in &mut robot {
+                if *one == lost {
+                    *one = kept;
+                }
+            }
+        }
+    }
+    let score = |views: &Vec<usize>| {
+        let turned = Turned::new(problem, views);
+        turned.slope(problem, map).abs() / turned.information.sqrt()
+    };
+    let robots = (0..problem.views()).map(|name| -> Vec<usize> {
+        (0..problem.views())
+            .filter(|&view| robot[view] == name)
+            .collect()
+    });
+    let robots: Vec<_> = robots.filter(|views| views.len() > 1).collect();
+    let is_one = robots.len() < 2;
+    let most = robots
+        .into_iter()
+        .max_by(|a, b| score(a).total_cmp(&score(b)));
+    most.filter(|_| !is_one)
+}
