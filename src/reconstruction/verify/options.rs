@@ -10,7 +10,7 @@ pub struct VerifyOptions {
     /// grows with up to the fifth power of its inverse.
     pub width: f64,
     /// Maximum number of cells that are searched in all, also where a lower map starts the search anew. With 12 views of
-    /// 15 landmarks a cell takes half a millisecond.
+    /// 15 landmarks a cell takes below a millisecond.
     pub cells: usize,
     /// Maximum number of triples of views that are compared: all of up to 23 views.
     pub triples: usize,
