@@ -114,7 +114,7 @@ fn mirror_image(map: &Map) -> Map {
 }
 
 /// The angle by which a sensor turns its bearings, by a map of them: the mean angle from each motion of odometry to what
-/// the sensor sees of it, and from headings in the map to those that are known, once positions are aligned.
+/// the sensor sees of it, (T35), and from headings in the map to those that are known, once positions are aligned.
 fn angle_of_sensor(problem: &Problem, map: &Map) -> f64 {
     let complex = |vector: &Vector2<f64>| Complex::new(vector.x, vector.y);
     let mut sum = Complex::new(0.0, 0.0);
