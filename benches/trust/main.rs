@@ -218,28 +218,6 @@ fn wrong(instance: &Instance, found: &Reconstruction, truth: &Truth) -> Option<S
         let errors = others.map(|other| (found - other).norm());
         errors.fold((found - place.truth).norm(), f64::min)
     };
-    if std::env::var("DUMP").is_ok() {
-        let m = places
-            .iter()
-            .map(|p| sigma0 * p.deviation * aligned.turn.norm() / size)
-            .fold(0.0, f64::max);
-        let e = places
-            .iter()
-            .map(|p| (aligned.apply(p.found) - p.truth).norm() / size)
-            .fold(0.0, f64::max);
-        let w = places
-            .iter()
-            .map(|p| {
-                let e = (aligned.apply(p.found) - p.truth).norm() / size;
-                let d = sigma0 * p.deviation * aligned.turn.norm() / size;
-                if e > LARGE { e / d } else { 0.0 }
-            })
-            .fold(0.0, f64::max);
-        eprintln!(
-            "DUMP {m:.4} {e:.4} {w:.2} {:.4} {}",
-            found.uncertainty, found.freedom
-        );
-    }
     let worst = places.iter().filter_map(|place| {
         let error = error(place);
         let predicted = sigma0 * place.deviation * aligned.turn.norm();

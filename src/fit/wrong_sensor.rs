@@ -35,7 +35,9 @@ pub fn turned_a_little(
     groups.extend(most_turned_robot(problem, &found.map));
     for views in groups {
         let least = Turned::new(problem, &views).least(&found.map, 0.0, look)?;
-        if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
+        let is_whole = |fit: &Fit| fit.freedom >= whole.freedom;
+        let is_it = |fit: &Fit| is_whole(fit) && whole.is_explained_by(fit, options);
+        if let Some((angle, _)) = least.filter(|(_, fit)| is_it(fit)) {
             return Ok(Some(Alarm::TurnedBearings { views, angle }));
         }
     }
@@ -73,7 +75,19 @@ pub fn turned_or_mirrored(
             pose.rotation *= Bearing::new(start);
         }
         let map = aligned_to_priors(&turned.by(start), &map);
-        let least = turned.least(&map, start, look)?;
+        // Bearings alone may determine a part only: where that fits, the rest is placed as well.
+        let part = turned.least(&map, start, look)?;
+        let Some((angle, _)) = part.filter(|(_, fit)| fit.is_better_than(&whole, options)) else {
+            continue;
+        };
+        let Some(map) = map_of(&turned.by(angle), look)? else {
+            continue;
+        };
+        let least = turned.least(&map, angle, look)?;
+        // A small angle is no reason to leave anything out.
+        let is_large = |angle: f64| is_mirrored || angle.abs() > LARGE;
+        let is_whole = |fit: &Fit| fit.freedom >= whole.freedom;
+        let least = least.filter(|(angle, fit)| is_large(*angle) || is_whole(fit));
         if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
             return Ok(Some(if is_mirrored {
                 Alarm::MirroredBearings
@@ -173,6 +187,13 @@ fn angle_of_sensor(problem: &Problem, map: &Map) -> f64 {
     sum.arg()
 }
 
+/// A map of a sensor that is far off may lose one in so many degrees of freedom: landmarks that a contradictory map places
+/// may have no range in the right one.
+const LOST: usize = 10;
+
+/// Angle \[rad\] from which on a sensor is far off.
+const LARGE: f64 = 0.2;
+
 /// The sum of squares of a map and its degrees of freedom.
 #[derive(Clone, Copy)]
 struct Fit {
@@ -188,21 +209,29 @@ impl Fit {
         }
     }
 
-    /// Whether a fit with one unknown more is good, or a tenth as bad, and not so by chance. It may explain what the
-    /// other leaves out.
+    /// Whether a fit with one unknown more, of about as many observations, is good, or a tenth as bad, and not so by
+    /// chance. It may explain what the other leaves out.
     fn is_explained_by(&self, other: &Self, options: &TestOptions) -> bool {
         let Some(freedom) = other.freedom.checked_sub(1).filter(|f| *f > 0) else {
             return false;
         };
+        if other.freedom < self.freedom - self.freedom / LOST {
+            return false;
+        }
         if other.freedom > self.freedom + 1 && !is_poor(other.square, freedom, options) {
             return true;
         }
         let variance = (other.square / freedom as f64).max(1.0);
         let significant = normal_exceeded(options.blunder_significance);
         let is_gain = self.square - other.square > significant * significant * variance;
-        let is_good = !is_poor(other.square, freedom, options)
-            || other.square < options.explained * self.square;
-        is_gain && is_good && other.freedom >= self.freedom
+        is_gain && other.is_better_than(self, options)
+    }
+
+    /// Whether the fit is good, or its squares are a tenth as large as those of another, of which it may be a part.
+    fn is_better_than(&self, other: &Self, options: &TestOptions) -> bool {
+        let per_freedom = |fit: &Self| fit.square / fit.freedom.max(1) as f64;
+        !is_poor(self.square, self.freedom, options)
+            || per_freedom(self) < options.explained * per_freedom(other)
     }
 }
 
