@@ -118,11 +118,12 @@ pub use reconstruction::{
     InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions, OdometryGrowthOptions,
     OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
     RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
-    StrideOptions,
+    StrideOptions, VerifyOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize, refine, solve,
+    Certificate, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, Verdict,
+    initialize, refine, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]

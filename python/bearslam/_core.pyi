@@ -52,6 +52,14 @@ class Defaults(TypedDict):
     refinement: RawRefinement
 
 @type_check_only
+class RawCertificate(TypedDict):
+    views: list[int] | None
+    cone: float
+    cells: int
+    verified: bool
+    message: str
+
+@type_check_only
 class RawReconstruction(TypedDict):
     poses: _Float
     landmarks: _Float
@@ -74,6 +82,7 @@ class RawReconstruction(TypedDict):
     pose_covariance: _Float | None
     landmark_covariance: _Float | None
     covariance_frame: str | None
+    certificate: RawCertificate | None
 
 @type_check_only
 class RawComponent(TypedDict):

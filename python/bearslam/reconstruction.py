@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bearslam import _core
+from bearslam.data.certificate import certificate_from_core
 from bearslam.data.checks import FloatArray
 from bearslam.data.estimate import Estimate, Termination, Undetermined, per_sighting
 from bearslam.data.finding import findings
@@ -65,6 +66,8 @@ class Reconstruction(Estimate):
         How well the bearings determine it.
     converged, termination, iterations
         How the refinement ended.
+    certificate
+        Whether a map of lower cost is excluded, with ``verify=True``.
     undetermined, alternatives, components
         What it leaves out, and other maps.
     oriented, odometry, pose_priors, landmark_priors, view_ids, landmark_ids, settings
@@ -281,6 +284,7 @@ def from_core(
         pose_covariance=raw["pose_covariance"],
         landmark_covariance=raw["landmark_covariance"],
         covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
+        certificate=certificate_from_core(raw["certificate"]),
         oriented=request.oriented,
         odometry=request.odometry,
         pose_priors=request.pose_priors,

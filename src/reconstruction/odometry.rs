@@ -3,7 +3,7 @@
 
 mod choices;
 mod compass;
-mod complete;
+pub(super) mod complete;
 mod far_starts;
 mod frames;
 mod growth;

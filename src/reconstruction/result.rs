@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The result of a reconstruction.
 
+use super::certificate::Certificate;
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
 use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
@@ -66,6 +67,9 @@ pub struct Reconstruction {
     /// each in a gauge of its own. A landmark may be in several maps. What is `undetermined` in this map
     /// is in none of them.
     pub components: Vec<Self>,
+    /// What the verification has shown; `None` without [`SolveOptions::verify`](crate::SolveOptions::verify), and for
+    /// alternatives and components.
+    pub certificate: Option<Certificate>,
 }
 
 /// Relative difference between the cost of a refinement and that of the map it reports above which the frame has rounded.
@@ -112,6 +116,7 @@ impl Reconstruction {
             worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         }
     }
 }
@@ -252,6 +257,7 @@ mod tests {
             worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         };
         assert_eq!(
             found.to_string(),

@@ -44,6 +44,8 @@ def describe(result: Estimate) -> str:
         lines.append("uncertainty unknown: without redundant sightings the residuals say nothing about the errors")
     if result.covariance_frame is not None:
         lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
+    if result.certificate is not None:
+        lines.append(str(result.certificate))
     if not result.oriented:
         lines.append("bearings are lines: every heading is known modulo 180 deg only")
     lines += _outliers(result)

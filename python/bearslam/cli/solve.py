@@ -81,6 +81,11 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
     verb.add_argument(
         "--robust", action="store_true", help="tolerate outliers: mismatched landmarks, flipped or random bearings"
     )
+    verb.add_argument(
+        "--verify",
+        action="store_true",
+        help="bound the trifocal tensor of three views in all maps of lower cost, and search there cell by cell",
+    )
     verb.add_argument("--unoriented", action="store_true", help="take bearings as lines, known modulo 180 degrees")
     verb.add_argument(
         "--covariance",
@@ -136,6 +141,7 @@ def _run(options: argparse.Namespace) -> None:
             problem,
             oriented=not options.unoriented,
             robust=options.robust,
+            verify=options.verify,
             covariance=options.covariance,
             progress=progress,
             search=SearchOptions(**{field.name: getattr(options, field.name) for field in fields(SearchOptions)}),

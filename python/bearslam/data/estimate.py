@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bearslam.data.certificate import Certificate
 from bearslam.data.checks import FloatArray
 from bearslam.data.finding import Finding
 from bearslam.data.options import CovarianceFrame, Settings
@@ -126,6 +127,8 @@ class Estimate:
         The same for each landmark (x, y).
     covariance_frame : {"first_view", "free_network", "priors"}, or None
         Gauge in which the covariances are stated, without which they mean nothing; see `solve`.
+    certificate : Certificate, or None
+        What the verification has shown. None without ``verify=True``, and for alternatives and components.
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and each heading is known modulo pi only: it is
         given in (-pi/2, pi/2], unless odometry or priors resolve it.
@@ -136,7 +139,7 @@ class Estimate:
     view_ids, landmark_ids : tuple of str, or None
         Names of views and landmarks in the file that the problem was read from.
     settings : Settings
-        How it was found: method, search, loss, refinement, robust and seed.
+        How it was found: method, search, loss, refinement, robust, seed and verify.
     """
 
     poses: FloatArray
@@ -162,6 +165,7 @@ class Estimate:
     pose_covariance: FloatArray | None = None
     landmark_covariance: FloatArray | None = None
     covariance_frame: CovarianceFrame | None = None
+    certificate: Certificate | None = None
     oriented: bool = True
     odometry: Odometry | None = None
     pose_priors: PosePriors | None = None
