@@ -119,13 +119,13 @@ pub const CLASSES: [Class; 19] = [
     },
     Class {
         name: "turned",
-        scenes: 1000,
+        scenes: 300,
         build: turned,
         ..SQUARES
     },
     Class {
         name: "mirrored",
-        scenes: 1000,
+        scenes: 300,
         build: |seed| driven(seed, |bearing| -bearing, |_, _| {}),
         ..SQUARES
     },

@@ -21,17 +21,22 @@ pub fn is_suspicious(
     global: &GlobalTest,
     options: &TestOptions,
 ) -> bool {
-    let views = found.map.poses.iter().flatten().count();
-    let landmarks = found.map.landmarks.iter().flatten().count();
-    let observations = problem.sightings().len() + problem.priors().len();
-    let numbers = observations.saturating_mul(3 * views + 2 * landmarks);
     let mut sightings = problem.sightings().iter().zip(problem.input_order());
     let bound = options.suspicious_deviations;
-    numbers <= options.most_numbers
+    is_testable(problem, found, options)
         && (global.p_value < options.suspicious
             || sightings.any(|(s, &place)| {
                 found.residuals[place].is_some_and(|r| (r * s.weight).abs() > bound)
             }))
+}
+
+/// Whether they would take no more than the time that is allowed.
+pub fn is_testable(problem: &Problem, found: &Reconstruction, options: &TestOptions) -> bool {
+    let views = found.map.poses.iter().flatten().count();
+    let landmarks = found.map.landmarks.iter().flatten().count();
+    let observations = problem.sightings().len() + problem.priors().len();
+    let numbers = observations.saturating_mul(3 * views + 2 * landmarks);
+    numbers <= options.most_numbers
 }
 
 /// The observations that contradict the others, one after the other, and whether what is left fits.

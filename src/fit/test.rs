@@ -2,11 +2,11 @@
 //! The verdict on a fit: whether it is too poor for the stated standard deviations, and what is at fault.
 
 use super::alarm::{Alarm, TestOptions, is_poor};
-use super::data_snooping::{blunders, is_suspicious};
+use super::data_snooping::{blunders, is_suspicious, is_testable};
 use super::distributions::lower_tail;
 use super::global_test::GlobalTest;
 use super::left_out::left_out;
-use super::wrong_sensor::wrong_sensor;
+use super::wrong_sensor::{turned_a_little, turned_or_mirrored};
 use crate::error::Error;
 use crate::lm::{Loss, Termination};
 use crate::problem::Problem;
@@ -78,21 +78,24 @@ pub fn test_fit(
     }
     if found.loss == Loss::Squared {
         let left = left_out(problem, found, options);
-        let mut named = Vec::new();
-        let mut is_one = true;
-        if is_suspicious(problem, found, &global, options) {
-            let fits;
-            (named, fits) = blunders(problem, found, options, &mut progress)?;
-            // A sensor that is off shows in many observations, of which some would be named.
-            is_one = alarms != [Alarm::PoorFit] || fits && named.len() < 2;
-        }
-        let is_several =
-            !is_one || matches!(&left[..], [Alarm::LeftOut { subjects }] if subjects.len() > 1);
-        let sensor = if is_several && !problem.priors().is_empty() {
-            wrong_sensor(problem, found, options, &mut progress)?
+        let (named, fits) = if is_suspicious(problem, found, &global, options) {
+            blunders(problem, found, options, &mut progress)?
         } else {
-            None
+            (Vec::new(), true)
         };
+        // A sensor that is off shows in many observations, of which some would be named.
+        let is_significant = global.p_value < options.significance && (named.len() != 1 || !fits);
+        let is_several = matches!(&left[..], [Alarm::LeftOut { subjects }] if subjects.len() > 1);
+        let mut sensor = None;
+        if !problem.priors().is_empty() && is_testable(problem, found, options) {
+            if is_significant {
+                sensor = turned_a_little(problem, found, options, &mut progress)?;
+            }
+            let is_poor = alarms == [Alarm::PoorFit] && is_significant;
+            if sensor.is_none() && (is_poor || is_several) {
+                sensor = turned_or_mirrored(problem, found, options, &mut progress)?;
+            }
+        }
         match sensor {
             Some(sensor) => alarms.push(sensor),
             None => alarms.extend(named.into_iter().chain(left)),

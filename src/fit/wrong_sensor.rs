@@ -6,7 +6,7 @@
 
 use super::alarm::{Alarm, TestOptions, is_poor};
 use super::distributions::normal_exceeded;
-use crate::adjustment::refine_map;
+use crate::adjustment::{aligned_to_priors, refine_map};
 use crate::error::Error;
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -15,56 +15,184 @@ use crate::lm::{Observer, RefineOptions};
 use crate::problem::{Map, Prior, Problem};
 use crate::reconstruction::{Progress, Reconstruction, SolveOptions, report_progress, solve};
 use alloc::vec::Vec;
-use core::f64::consts::{FRAC_PI_4, PI};
+use core::f64::consts::PI;
+use nalgebra::{Complex, Vector2};
 
-/// What a sensor with one unknown more explains of a poor fit; `None` when it does not.
-///
-/// The angle is first sought from the map, then from maps of bearings turned by multiples of 45 degrees; last, all
-/// bearings are mirrored.
+/// What a sensor that is a little turned explains of a fit, sought from the map: that of all views, or of one robot of
+/// several; `None` when it does not.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when `progress` says so.
-pub fn wrong_sensor(
+pub fn turned_a_little(
     problem: &Problem,
     found: &Reconstruction,
     options: &TestOptions,
     progress: &mut Option<Progress<'_>>,
 ) -> Result<Option<Alarm>, Error> {
     let whole = Fit::of(found);
-    let all: Vec<usize> = (0..problem.views()).collect();
-    let mut tried = 0;
-    let mut look = |_, _| {
-        tried += 1;
-        report_progress(progress, "test", tried, 0)
-    };
-    let mut groups = Vec::from([all.clone()]);
+    let look = &mut looks(progress);
+    let mut groups = Vec::from([all_views(problem)]);
     groups.extend(most_turned_robot(problem, &found.map));
     for views in groups {
-        let turned = Turned::new(problem, &views);
-        let near = turned.least(&found.map, 0.0, &mut look)?;
-        if let Some((angle, _)) = near.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
+        let least = Turned::new(problem, &views).least(&found.map, 0.0, look)?;
+        let is_whole = |fit: &Fit| fit.freedom >= whole.freedom;
+        let is_it = |fit: &Fit| is_whole(fit) && whole.is_explained_by(fit, options);
+        if let Some((angle, _)) = least.filter(|(_, fit)| is_it(fit)) {
             return Ok(Some(Alarm::TurnedBearings { views, angle }));
         }
     }
-    let turned = Turned::new(problem, &all);
-    for eighth in [1.0, -1.0, 2.0, -2.0, 3.0, -3.0, 4.0] {
-        let start = FRAC_PI_4 * eighth;
-        let Some(map) = map_of(&turned.by(start), &mut look)? else {
-            continue;
-        };
-        let least = turned.least(&map, start, &mut look)?;
-        if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
-            return Ok(Some(Alarm::TurnedBearings { views: all, angle }));
-        }
-    }
-    let mirrored = problem.with_bearings(|s| s.bearing.inverse());
-    let Some(mut map) = map_of(&mirrored, &mut look)? else {
+    Ok(None)
+}
+
+/// What a sensor that is turned by any angle, or mirrored, explains of a poor fit; `None` when it does not.
+///
+/// The map of the bearings alone does not depend on either. Its motions, as the sensor sees them, are turned against
+/// odometry, and its headings against those that are known.
+///
+/// # Errors
+/// [`Error::Interrupted`] when `progress` says so.
+pub fn turned_or_mirrored(
+    problem: &Problem,
+    found: &Reconstruction,
+    options: &TestOptions,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Option<Alarm>, Error> {
+    let whole = Fit::of(found);
+    let look = &mut looks(progress);
+    let Some(shape) = map_of(&problem.clone().bearings_only(), look)? else {
         return Ok(None);
     };
-    let fit = refined(&mirrored, &mut map, &mut look)?;
-    let is_explained = fit.is_some_and(|fit| whole.is_explained_by(&fit, options));
-    Ok(is_explained.then_some(Alarm::MirroredBearings))
+    let mirrored = problem.with_bearings(|s| s.bearing.inverse());
+    let views = all_views(problem);
+    for (problem, shape, is_mirrored) in [
+        (problem, &shape, false),
+        (&mirrored, &mirror_image(&shape), true),
+    ] {
+        let turned = Turned::new(problem, &views);
+        let start = angle_of_sensor(problem, shape);
+        let mut map = shape.clone();
+        for pose in map.poses.iter_mut().flatten() {
+            pose.rotation *= Bearing::new(start);
+        }
+        let map = aligned_to_priors(&turned.by(start), &map);
+        // Bearings alone may determine a part only: where that fits, the rest is placed as well.
+        let part = turned.least(&map, start, look)?;
+        let Some((angle, _)) = part.filter(|(_, fit)| fit.is_better_than(&whole, options)) else {
+            continue;
+        };
+        let Some(map) = map_of(&turned.by(angle), look)? else {
+            continue;
+        };
+        let least = turned.least(&map, angle, look)?;
+        // A small angle is no reason to leave anything out.
+        let is_large = |angle: f64| is_mirrored || angle.abs() > LARGE;
+        let is_whole = |fit: &Fit| fit.freedom >= whole.freedom;
+        let least = least.filter(|(angle, fit)| is_large(*angle) || is_whole(fit));
+        if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
+            return Ok(Some(if is_mirrored {
+                Alarm::MirroredBearings
+            } else {
+                Alarm::TurnedBearings { views, angle }
+            }));
+        }
+    }
+    Ok(None)
 }
+
+/// An observer of steps that tells whoever waits.
+fn looks<'a, 'b>(
+    progress: &'a mut Option<Progress<'b>>,
+) -> impl FnMut(usize, f64) -> bool + use<'a, 'b> {
+    let mut steps = 0;
+    move |_, _| {
+        steps += 1;
+        report_progress(progress, "test", steps, 0)
+    }
+}
+
+fn all_views(problem: &Problem) -> Vec<usize> {
+    (0..problem.views()).collect()
+}
+
+/// The map on the other side of the x axis.
+fn mirror_image(map: &Map) -> Map {
+    let mut image = map.clone();
+    for pose in image.poses.iter_mut().flatten() {
+        pose.translation.vector.y *= -1.0;
+        pose.rotation = pose.rotation.inverse();
+    }
+    for point in image.landmarks.iter_mut().flatten() {
+        point.y *= -1.0;
+    }
+    image
+}
+
+/// The angle by which a sensor turns its bearings, by a map of them: the mean angle from each motion of odometry to what
+/// the sensor sees of it, (T35), and from headings in the map to those that are known, once positions are aligned.
+fn angle_of_sensor(problem: &Problem, map: &Map) -> f64 {
+    let complex = |vector: &Vector2<f64>| Complex::new(vector.x, vector.y);
+    let mut sum = Complex::new(0.0, 0.0);
+    let (mut known, mut turns) = (Vec::new(), Vec::new());
+    for prior in problem.priors() {
+        match prior {
+            Prior::Motion {
+                start, end, delta, ..
+            } => {
+                if let (Some(from), Some(to)) = (map.poses[*start], map.poses[*end]) {
+                    let seen = from.inv_mul(&to).translation.vector;
+                    sum += complex(&seen) * complex(&delta.translation.vector).conj();
+                }
+            }
+            Prior::Pose { view, pose, root } => {
+                let Some(found) = map.poses[*view] else {
+                    continue;
+                };
+                let knows = |column: usize| root.iter().any(|row| row[column] != 0.0);
+                if knows(0) && knows(1) {
+                    let place = complex(&pose.translation.vector);
+                    known.push((complex(&found.translation.vector), place));
+                }
+                if knows(2) {
+                    let turn = pose.rotation.into_inner() * found.rotation.into_inner().conj();
+                    turns.push(turn);
+                }
+            }
+            Prior::Landmark {
+                landmark, position, ..
+            } => {
+                if let Some(found) = map.landmarks[*landmark] {
+                    known.push((complex(&found.coords), complex(&position.coords)));
+                }
+            }
+        }
+    }
+    if known.len() > 1 {
+        let count = known.len() as f64;
+        let zero = Complex::new(0.0, 0.0);
+        let (from, to) = known
+            .iter()
+            .fold((zero, zero), |(a, b), (from, to)| (a + from, b + to));
+        let (from, to) = (from / count, to / count);
+        let turn: Complex<f64> = known
+            .iter()
+            .map(|(a, b)| (a - from).conj() * (b - to))
+            .sum();
+        // A length, as that of the motions.
+        sum += turns
+            .iter()
+            .map(|known| known * turn.conj())
+            .sum::<Complex<f64>>()
+            / count;
+    }
+    sum.arg()
+}
+
+/// A map of a sensor that is far off may lose one in so many degrees of freedom: landmarks that a contradictory map places
+/// may have no range in the right one.
+const LOST: usize = 10;
+
+/// Angle \[rad\] from which on a sensor is far off.
+const LARGE: f64 = 0.2;
 
 /// The sum of squares of a map and its degrees of freedom.
 #[derive(Clone, Copy)]
@@ -81,21 +209,29 @@ impl Fit {
         }
     }
 
-    /// Whether a fit with one unknown more is good, or a tenth as bad, and not so by chance. It may explain what the
-    /// other leaves out.
+    /// Whether a fit with one unknown more, of about as many observations, is good, or a tenth as bad, and not so by
+    /// chance. It may explain what the other leaves out.
     fn is_explained_by(&self, other: &Self, options: &TestOptions) -> bool {
         let Some(freedom) = other.freedom.checked_sub(1).filter(|f| *f > 0) else {
             return false;
         };
+        if other.freedom < self.freedom - self.freedom / LOST {
+            return false;
+        }
         if other.freedom > self.freedom + 1 && !is_poor(other.square, freedom, options) {
             return true;
         }
         let variance = (other.square / freedom as f64).max(1.0);
         let significant = normal_exceeded(options.blunder_significance);
         let is_gain = self.square - other.square > significant * significant * variance;
-        let is_good = !is_poor(other.square, freedom, options)
-            || other.square < options.explained * self.square;
-        is_gain && is_good && other.freedom >= self.freedom
+        is_gain && other.is_better_than(self, options)
+    }
+
+    /// Whether the fit is good, or its squares are a tenth as large as those of another, of which it may be a part.
+    fn is_better_than(&self, other: &Self, options: &TestOptions) -> bool {
+        let per_freedom = |fit: &Self| fit.square / fit.freedom.max(1) as f64;
+        !is_poor(self.square, self.freedom, options)
+            || per_freedom(self) < options.explained * per_freedom(other)
     }
 }
 

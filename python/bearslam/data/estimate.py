@@ -93,8 +93,9 @@ class Estimate:
         Probability that errors of the stated standard deviations leave residuals as large as these (chi-square test).
         NaN without degrees of freedom, without a stated `sigma`, and with the losses "huber" and "cauchy".
     findings : tuple of Finding
-        What the test of the fit says: "poor_fit" and "blunder" are warnings, "understated_sigma" and "overstated_sigma"
-        notes. Empty for alternatives, before refinement, and without a stated `sigma`.
+        What the test of the fit says: "poor_fit", "blunder", "turned_bearings" and "mirrored_bearings" are warnings,
+        "understated_sigma" and "overstated_sigma" notes. Empty for alternatives, before refinement, and without a
+        stated `sigma`.
     converged : bool
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str

@@ -136,6 +136,9 @@ class Diagnosis:
     mirror_margin: float
     _text: str
 
+    def __str__(self) -> str:
+        return self._text
+
     def to_dict(self) -> dict[str, Any]:
         """Everything as numbers, strings, lists and dicts, for `json.dumps`; what is not a finite number is None.
 
