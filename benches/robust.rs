@@ -7,8 +7,8 @@
 //! of it. With a percentage, only that fraction of outliers is run.
 
 use bearslam::{
-    Arena, Cell, Layout, Map, Problem, RefineOptions, Scene, Sighting, SolveOptions, refine_map,
-    simulate, solve,
+    Arena, Cell, Layout, Map, Outliers, Problem, RefineOptions, Scene, Sighting, SolveOptions,
+    refine_map, simulate, solve,
 };
 use rayon::prelude::*;
 use std::time::Instant;
@@ -94,7 +94,7 @@ fn run(cell: &Cell, share: f64, seed: u64) -> Run {
         noise,
     } = *cell;
     let clean = simulate(layout, views, landmarks, noise, seed, Arena::default()).expect("a scene");
-    let (scene, wrong) = clean.contaminate(share, seed);
+    let (scene, wrong) = clean.contaminate(Outliers::Mixture, share, seed);
     let problem = Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem");
     let options = SolveOptions {
         robust: true,

@@ -2,8 +2,8 @@
 //! Time of every stage: `cargo bench --bench speed`.
 
 use bearslam::{
-    Arena, Bearing, CalibratedTensor, Frame, Layout, Loss, Map, Method, Pose, Problem, Real,
-    RefineOptions, Scene, SolveOptions, Strategy, Triple, covariance, diagnose, initialize,
+    Arena, Bearing, CalibratedTensor, Frame, Layout, Loss, Map, Method, Outliers, Pose, Problem,
+    Real, RefineOptions, Scene, SolveOptions, Strategy, Triple, covariance, diagnose, initialize,
     refine_map, resect, simulate, solve, three_view, triangulate,
 };
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
@@ -306,7 +306,7 @@ fn contaminated(views: usize, landmarks: usize, share: f64, seed: u64) -> Proble
     let noise = 0.5_f64.to_radians();
     let arena = Arena::default();
     let scene = simulate(Layout::Mixed, views, landmarks, noise, seed, arena).expect("a scene");
-    let (scene, _) = scene.contaminate(share, seed);
+    let (scene, _) = scene.contaminate(Outliers::Mixture, share, seed);
     Problem::dense(views, landmarks, &scene.bearings, noise).expect("a problem")
 }
 

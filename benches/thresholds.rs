@@ -21,8 +21,9 @@ mod leaves;
 mod shapes;
 
 use bearslam::{
-    Arena, Diagnosis, DiagnosisOptions, Layout, Loss, Map, Problem, Reconstruction, RefineOptions,
-    Scene, SolveOptions, StageOptions, Strategy, diagnose_with, refine, simulate, solve,
+    Arena, Diagnosis, DiagnosisOptions, Layout, Loss, Map, Outliers, Problem, Reconstruction,
+    RefineOptions, Scene, SolveOptions, StageOptions, Strategy, diagnose_with, refine, simulate,
+    solve,
 };
 use leaves::{leaves, with};
 use rayon::prelude::*;
@@ -172,7 +173,7 @@ fn robust() -> SolveOptions {
 /// Three bearings in ten are wrong.
 fn outliers(seed: u64) -> (Scene, Problem, SolveOptions) {
     let clean = scene(layout(seed), (8, 15), 0.5, seed, f64::INFINITY);
-    let (scene, _) = clean.contaminate(0.3, seed);
+    let (scene, _) = clean.contaminate(Outliers::Mixture, 0.3, seed);
     let problem = dense(&scene, 0.5_f64.to_radians());
     (scene, problem, robust())
 }
@@ -180,7 +181,7 @@ fn outliers(seed: u64) -> (Scene, Problem, SolveOptions) {
 /// So few landmarks that no three views share five: plain hypotheses start.
 fn few_outliers(seed: u64) -> (Scene, Problem, SolveOptions) {
     let clean = scene(layout(seed), (10, 4), 0.5, seed, f64::INFINITY);
-    let (scene, _) = clean.contaminate(0.05, seed);
+    let (scene, _) = clean.contaminate(Outliers::Mixture, 0.05, seed);
     let problem = dense(&scene, 0.5_f64.to_radians());
     (scene, problem, robust())
 }
@@ -189,7 +190,7 @@ fn few_outliers(seed: u64) -> (Scene, Problem, SolveOptions) {
 fn odometry_outliers(seed: u64) -> (Scene, Problem, SolveOptions) {
     let clean = scene(Layout::Trajectory, (50, 25), 1.0, seed, 1.5);
     let motions = clean.odometry([0.1, 0.1, 0.05], seed).expect("odometry");
-    let (scene, _) = clean.contaminate(0.15, seed);
+    let (scene, _) = clean.contaminate(Outliers::Mixture, 0.15, seed);
     let problem = dense(&scene, 1.0_f64.to_radians());
     let problem = problem.with_odometry(&motions).expect("a problem");
     (scene, problem, robust())

@@ -94,7 +94,7 @@ pub use diagnosis::{
 pub use error::{Degeneracy, Error};
 #[cfg(feature = "alloc")]
 pub use fit::{
-    Alarm, Checked, FitTest, GlobalTest, Observation, Redundancy, TestOptions, expected_error,
+    Alarm, Checked, FitTest, Fix, GlobalTest, Observation, Redundancy, TestOptions, expected_error,
     redundancy, test_fit,
 };
 pub use fixed::{Branch, FixedMap, Workspace};
@@ -118,22 +118,23 @@ pub use reconstruction::{
     InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions, OdometryGrowthOptions,
     OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
     RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
-    StrideOptions,
+    StrideOptions, VerifyOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize, refine, solve,
+    Certificate, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, Verdict,
+    initialize, refine, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
-pub use simulate::{Arena, Bound, Errors, Layout, Scene, simulate};
+pub use simulate::{Arena, Bound, Errors, Layout, Outliers, Scene, simulate};
 #[cfg(feature = "rayon")]
 pub use sweep::{
     BINS_PER_OCTAVE, Cell, Chunk, Histogram, Quantity, Start, SweepTrial, Tally, TrialOutcome,
     sweep,
 };
 #[cfg(feature = "alloc")]
-pub use uncertainty::{Covariance, Fix, Frame, covariance};
+pub use uncertainty::{Covariance, Frame, covariance};
 
 /// Runs the examples of the README as tests.
 #[cfg(doctest)]

@@ -4,6 +4,7 @@
 mod alternatives;
 mod attempt;
 mod behind;
+mod certificate;
 pub(crate) mod choice;
 mod collapsed;
 mod far_views;
@@ -23,7 +24,9 @@ mod sight;
 mod solve;
 mod stages;
 pub(crate) mod strategy;
+mod verify;
 
+pub use certificate::{Certificate, Verdict};
 pub use global::options::{AveragingOptions, PositionOptions, RelativeHeadingOptions};
 pub use incremental::options::IncrementalOptions;
 pub use infinity::InfinityOptions;
@@ -40,3 +43,4 @@ pub use search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOpt
 pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};
 pub use stages::StageOptions;
+pub use verify::options::VerifyOptions;

@@ -7,6 +7,7 @@ mod map_errors;
 mod odometry;
 
 pub use bound::Bound;
+pub use contaminate::Outliers;
 pub use map_errors::Errors;
 
 use crate::error::Error;

@@ -18,9 +18,11 @@ __version__: Final[str]
 @type_check_only
 class RawFixes(TypedDict):
     value: _Float
-    covariance: _Float | None
-    rms: _Float | None
-    sigma0: _Float | None
+    covariance: _Float
+    rms: _Float
+    sigma0: _Float
+    p_value: _Float
+    uncertainty: _Float
 
 @type_check_only
 class RawThreeView(TypedDict):
@@ -50,6 +52,14 @@ class Defaults(TypedDict):
     refinement: RawRefinement
 
 @type_check_only
+class RawCertificate(TypedDict):
+    views: list[int] | None
+    cone: float
+    cells: int
+    verified: bool
+    message: str
+
+@type_check_only
 class RawReconstruction(TypedDict):
     poses: _Float
     landmarks: _Float
@@ -60,6 +70,7 @@ class RawReconstruction(TypedDict):
     freedom: int
     sensitivity: float
     uncertainty: float
+    worst: tuple[str, int] | None
     sigma0: float
     p_value: float
     findings: list[RawFinding]
@@ -71,6 +82,7 @@ class RawReconstruction(TypedDict):
     pose_covariance: _Float | None
     landmark_covariance: _Float | None
     covariance_frame: str | None
+    certificate: RawCertificate | None
 
 @type_check_only
 class RawComponent(TypedDict):
@@ -128,8 +140,8 @@ def expected_error(
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
 def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...
 def epipoles(tensor: _Float) -> _Float: ...
-def triangulate(poses: _Float, bearings: _Float, sigma: float | None) -> RawFixes: ...
-def resect(landmarks: _Float, bearings: _Float, sigma: float | None, strict: bool) -> RawFixes: ...
+def triangulate(poses: _Float, bearings: _Float, sigma: float) -> RawFixes: ...
+def resect(landmarks: _Float, bearings: _Float, sigma: float, strict: bool) -> RawFixes: ...
 def align(source: _Float, target: _Float) -> tuple[float, float, float, float]: ...
 def defaults() -> Defaults: ...
 def initialize(
@@ -161,7 +173,9 @@ def simulate(
     width: float,
     height: float,
     sight: float,
-) -> tuple[_Float, _Float, _Float]: ...
+    outliers: float,
+    outlier_kind: str,
+) -> tuple[_Float, _Float, _Float, NDArray[np.bool_]]: ...
 def odometry(poses: _Float, sigmas: tuple[float, float, float], seed: int) -> _Float: ...
 def three_view_batch(
     bearings: _Float, method: str, reweights: int

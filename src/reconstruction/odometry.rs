@@ -4,7 +4,7 @@
 mod attempts;
 mod choices;
 mod compass;
-mod complete;
+pub(super) mod complete;
 mod far_starts;
 mod frames;
 mod growth;

@@ -45,3 +45,27 @@ def test_sight_is_limited():
     distance = np.hypot(*(scene.landmarks[None] - scene.poses[:, None, :2]).transpose(2, 0, 1))
     np.testing.assert_array_equal(np.isfinite(scene.bearings), distance <= 8.0)
     assert len(scene.sightings) == np.isfinite(scene.bearings).sum()
+
+
+@pytest.mark.parametrize("kind", ["uniform", "exchanged", "merged", "mixture"])
+def test_outliers_are_told_and_the_rest_is_as_without_them(kind):
+    clean = bearslam.simulate("mixed", 12, 15, noise=0.01, seed=1)
+    scene = bearslam.simulate("mixed", 12, 15, noise=0.01, seed=1, outliers=0.2, outlier_kind=kind)
+    np.testing.assert_array_equal(clean.poses, scene.poses)
+    assert not clean.outliers.any()
+    seen = np.isfinite(scene.bearings)
+    np.testing.assert_array_equal(scene.outliers, seen & (scene.bearings != clean.bearings))
+    # The last pair of merged landmarks may exceed the share, by fewer than half of its sightings.
+    assert 36 <= scene.outliers.sum() < (42 if kind == "merged" else 37)
+    rows = zip(np.sort(scene.bearings), np.sort(clean.bearings), strict=True)
+    assert all(np.array_equal(*row) for row in rows) == (kind == "exchanged")
+    assert (~seen.any(axis=0)).any() == (kind == "merged")
+
+
+def test_a_scene_from_elsewhere_has_no_outliers():
+    scene = bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1, outliers=0.5)
+    assert not bearslam.Scene(scene.poses, scene.landmarks, scene.bearings).outliers.any()
+    with pytest.raises(bearslam.InvalidInputError, match="outlier_kind"):
+        bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1, outliers=0.5, outlier_kind="odd")
+    with pytest.raises(bearslam.InvalidInputError, match="outliers"):
+        bearslam.simulate("mixed", 4, 9, noise=0.01, seed=1, outliers=1.5)

@@ -3,7 +3,7 @@
 
 use crate::common::{LAYOUTS, error, scene};
 use bearslam::{
-    Arena, Error, Layout, Map, Problem, Reconstruction, RefineOptions, Scene, Sighting,
+    Arena, Error, Layout, Map, Outliers, Problem, Reconstruction, RefineOptions, Scene, Sighting,
     SolveOptions, Subject, Why, refine, refine_map, simulate, solve,
 };
 
@@ -73,7 +73,7 @@ fn three_outliers_in_ten_are_found() {
         for (views, landmarks) in [(8, 15), (12, 15)] {
             for seed in 0..10 {
                 let clean = scene(layout, views, landmarks, NOISE_DEG, seed);
-                let (scene, wrong) = clean.contaminate(0.3, seed);
+                let (scene, wrong) = clean.contaminate(Outliers::Mixture, 0.3, seed);
                 let problem = problem(&scene);
                 let found = solve(&problem, &options(), None).unwrap();
                 check(&problem, &found);
@@ -130,7 +130,7 @@ fn exact_bearings_among_wrong_ones_give_back_the_scene() {
     for layout in LAYOUTS {
         for seed in 0..5 {
             let clean = scene(layout, 8, 15, 0.0, seed);
-            let (scene, wrong) = clean.contaminate(0.2, seed);
+            let (scene, wrong) = clean.contaminate(Outliers::Mixture, 0.2, seed);
             let found = solve(&problem(&scene), &options(), None).unwrap();
             // A wrong bearing may be within three sigma by chance, and then bends the map slightly.
             let errors = scene.errors(&found.map).unwrap();
@@ -177,7 +177,8 @@ fn each_kind_of_outlier_is_told() {
 
 #[test]
 fn the_same_seed_gives_the_same_bits() {
-    let (scene, _) = scene(Layout::Enclosed, 8, 15, NOISE_DEG, 5).contaminate(0.3, 5);
+    let (scene, _) =
+        scene(Layout::Enclosed, 8, 15, NOISE_DEG, 5).contaminate(Outliers::Mixture, 0.3, 5);
     let first = solve(&problem(&scene), &options(), None).unwrap();
     let second = solve(&problem(&scene), &options(), None).unwrap();
     assert_eq!(first.map, second.map);
@@ -191,7 +192,7 @@ fn limited_sight_and_wrong_bearings() {
         ..Arena::default()
     };
     let clean = simulate(Layout::Trajectory, 20, 30, sigma(), 2, arena).unwrap();
-    let (scene, wrong) = clean.contaminate(0.2, 2);
+    let (scene, wrong) = clean.contaminate(Outliers::Mixture, 0.2, 2);
     let problem = problem(&scene);
     assert!(problem.sightings().len() < 20 * 30);
     let found = solve(&problem, &options(), None).unwrap();
@@ -218,7 +219,7 @@ fn drive(views: usize, landmarks: usize, outliers: f64, seed: u64) -> (Problem, 
         ..Arena::default()
     };
     let clean = simulate(Layout::Trajectory, views, landmarks, sigma(), seed, arena).unwrap();
-    let (scene, wrong) = clean.contaminate(outliers, seed);
+    let (scene, wrong) = clean.contaminate(Outliers::Mixture, outliers, seed);
     let problem = problem(&scene);
     let bearings = scene.bearings.iter().zip(wrong);
     let wrong = bearings
@@ -319,7 +320,8 @@ fn what_too_few_good_bearings_see_is_undetermined() {
 
 #[test]
 fn random_bearings_end_without_a_panic() {
-    let (scene, _) = scene(Layout::Mixed, 5, 7, NOISE_DEG, 1).contaminate(1.0, 1);
+    let (scene, _) =
+        scene(Layout::Mixed, 5, 7, NOISE_DEG, 1).contaminate(Outliers::Mixture, 1.0, 1);
     if let Ok(found) = solve(&problem(&scene), &options(), None) {
         check(&problem(&scene), &found);
     }
@@ -354,7 +356,8 @@ fn a_sigma_that_tells_nothing_is_an_error() {
 
 #[test]
 fn progress_can_stop_it() {
-    let (scene, _) = scene(Layout::Mixed, 8, 15, NOISE_DEG, 1).contaminate(0.3, 1);
+    let (scene, _) =
+        scene(Layout::Mixed, 8, 15, NOISE_DEG, 1).contaminate(Outliers::Mixture, 0.3, 1);
     for stop in [1, 4, 8] {
         let mut calls = 0;
         let mut watch = |_: &'static str, _, _| {
@@ -369,7 +372,7 @@ fn progress_can_stop_it() {
 #[test]
 fn contamination_is_what_it_says() {
     let clean = scene(Layout::Mixed, 12, 15, NOISE_DEG, 1);
-    let (dirty, wrong) = clean.contaminate(0.3, 7);
+    let (dirty, wrong) = clean.contaminate(Outliers::Mixture, 0.3, 7);
     let count = |kind: fn(f64) -> bool| {
         let pairs = clean.bearings.iter().zip(&dirty.bearings);
         pairs
@@ -384,15 +387,114 @@ fn contamination_is_what_it_says() {
         .filter(|&k| wrong[k] && clean.bearings[k / 15 * 15..][..15].contains(&dirty.bearings[k]))
         .count();
     assert_eq!(swapped, 18);
-    assert_eq!(clean.contaminate(0.3, 7), (dirty, wrong));
-    assert_eq!(clean.contaminate(0.0, 7).0, clean);
+    assert_eq!(clean.contaminate(Outliers::Mixture, 0.3, 7), (dirty, wrong));
+    assert_eq!(clean.contaminate(Outliers::Mixture, 0.0, 7).0, clean);
+}
+
+#[test]
+fn outliers_are_of_the_kind_and_number_asked_for() {
+    let clean = scene(Layout::Trajectory, 12, 15, NOISE_DEG, 1);
+    let partial = {
+        let arena = Arena {
+            sight: 2.5,
+            ..Arena::default()
+        };
+        simulate(Layout::Trajectory, 12, 15, 0.01, 3, arena).unwrap()
+    };
+    for scene in [clean, partial] {
+        let seen = scene.bearings.iter().filter(|b| b.is_finite()).count();
+        for kind in Outliers::ALL {
+            assert_eq!(scene.contaminate(kind, 0.0, 7).1, [false; 180]);
+            for share in [0.03, 0.2, 0.4, 1.0] {
+                let (dirty, wrong) = scene.contaminate(kind, share, 7);
+                assert_eq!(
+                    format!("{:?}", scene.contaminate(kind, share, 7)),
+                    format!("{:?}", (&dirty, &wrong))
+                );
+                let count = wrong.iter().filter(|wrong| **wrong).count();
+                let asked = (share * seen as f64).round() as usize;
+                let changed = |k: usize| scene.bearings[k].to_bits() != dirty.bearings[k].to_bits();
+                if kind == Outliers::Merged {
+                    // The last pair has twelve sightings or fewer, at most half of them wrong.
+                    assert!(count < asked + 6);
+                    let left =
+                        (0..15).filter(|j| (0..12).any(|i| dirty.bearings[i * 15 + j].is_finite()));
+                    assert!(count >= asked || left.count() == 8);
+                } else {
+                    assert!(count == asked || count + 1 == asked && kind != Outliers::Uniform);
+                    assert!((0..180).all(|k| changed(k) == wrong[k]));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn exchanged_identities_are_derangements_within_views() {
+    let clean = scene(Layout::Mixed, 12, 15, NOISE_DEG, 1);
+    // Two outliers are in one view; of three none is alone.
+    for (share, most) in [(2.0 / 180.0, 1), (3.0 / 180.0, 1), (0.4, 12), (1.0, 12)] {
+        let (dirty, wrong) = clean.contaminate(Outliers::Exchanged, share, 5);
+        let mut views = 0;
+        for view in 0..12 {
+            let row = view * 15..(view + 1) * 15;
+            let sorted = |bearings: &[f64]| {
+                let mut row = bearings[row.clone()].to_vec();
+                row.sort_by(f64::total_cmp);
+                row
+            };
+            assert_eq!(sorted(&dirty.bearings), sorted(&clean.bearings));
+            let count = wrong[row.clone()].iter().filter(|wrong| **wrong).count();
+            assert_ne!(count, 1);
+            views += usize::from(count > 0);
+        }
+        assert!(views <= most && views > 0);
+        assert_eq!(
+            wrong.iter().filter(|w| **w).count(),
+            (share * 180.0).round() as usize
+        );
+    }
+}
+
+#[test]
+fn merged_landmarks_share_one_identity() {
+    let clean = scene(Layout::Mixed, 12, 15, NOISE_DEG, 1);
+    let (dirty, wrong) = clean.contaminate(Outliers::Merged, 0.01, 5);
+    let columns = |is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+        (0..15)
+            .filter(|&j| (0..12).any(|i| is(i * 15 + j)))
+            .collect()
+    };
+    // One pair: one landmark is left without a sighting, its bearings are the outliers of the other.
+    let (lost, named) = (
+        columns(&|k| dirty.bearings[k].is_nan()),
+        columns(&|k| wrong[k]),
+    );
+    let ([lost], [named]) = (&lost[..], &named[..]) else {
+        panic!("{lost:?}, {named:?}");
+    };
+    let mut of_lost = 0;
+    for view in 0..12 {
+        let [lost, named] = [lost, named].map(|j| view * 15 + j);
+        assert!(dirty.bearings[lost].is_nan());
+        let from = if wrong[named] { lost } else { named };
+        assert_eq!(dirty.bearings[named], clean.bearings[from]);
+        of_lost += usize::from(wrong[named]);
+    }
+    assert!((1..=6).contains(&of_lost));
+    let others = (0..180).filter(|k| ![*lost, *named].contains(&(k % 15)));
+    assert!(
+        others
+            .clone()
+            .all(|k| dirty.bearings[k] == clean.bearings[k] && !wrong[k])
+    );
 }
 
 #[test]
 fn random_bearings_have_no_consensus() {
     for seed in 0..4 {
         let exact = scene(Layout::Mixed, 8, 12, 0.5, seed);
-        let (noise, _) = exact.contaminate(1.0, seed);
+        let (noise, _) = exact.contaminate(Outliers::Mixture, 1.0, seed);
         let error = solve(&problem(&noise), &options(), None).unwrap_err();
         assert!(
             matches!(error, Error::NoConsensus { .. } | Error::Degenerate { .. }),
@@ -429,7 +531,7 @@ fn random_bearings_under_limited_sight_have_no_consensus() {
     };
     // A scene in which growth reaches enough for a map.
     let exact = simulate(Layout::Trajectory, 20, 30, sigma(), 2, arena).unwrap();
-    let (noise, _) = exact.contaminate(1.0, 2);
+    let (noise, _) = exact.contaminate(Outliers::Mixture, 1.0, 2);
     let error = solve(&problem(&noise), &options(), None).unwrap_err();
     assert!(matches!(error, Error::NoConsensus { .. }), "{error}");
 }
@@ -449,7 +551,7 @@ fn outliers_among_odometry() {
     };
     for seed in 0..5 {
         let exact = simulate(Layout::Trajectory, 30, 25, noise, seed, arena).unwrap();
-        let (scene, wrong) = exact.contaminate(0.2, seed);
+        let (scene, wrong) = exact.contaminate(Outliers::Mixture, 0.2, seed);
         let odometry = exact.odometry([0.02, 0.02, 0.01], seed).unwrap();
         let problem = Problem::dense(30, 25, &scene.bearings, noise).unwrap();
         let problem = problem.with_odometry(&odometry).unwrap();
@@ -494,7 +596,7 @@ fn robots_that_see_little_at_a_time() {
             let problem = Problem::dense(views, landmarks, bearings, 1.5 * noise).unwrap();
             problem.with_odometry(&apart).unwrap()
         };
-        let (scene, wrong) = exact.contaminate(0.1, seed);
+        let (scene, wrong) = exact.contaminate(Outliers::Mixture, 0.1, seed);
         let pairs = scene.bearings.iter().zip(&wrong);
         let good: Vec<f64> = pairs
             .map(|(bearing, wrong)| if *wrong { f64::NAN } else { *bearing })
@@ -529,7 +631,7 @@ fn outliers_among_lines() {
     let noise = 0.2_f64.to_radians();
     for seed in 0..5 {
         let exact = scene(Layout::Mixed, 10, 15, 0.2, seed);
-        let (scene, _) = exact.contaminate(0.15, seed);
+        let (scene, _) = exact.contaminate(Outliers::Mixture, 0.15, seed);
         let problem = Problem::dense(10, 15, &scene.bearings, noise)
             .unwrap()
             .unoriented();

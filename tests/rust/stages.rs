@@ -3,7 +3,7 @@
 
 use crate::leaves::{leaves, with};
 use bearslam::{
-    Arena, Error, Layout, Problem, SolveOptions, StageOptions, Strategy, simulate, solve,
+    Arena, Error, Layout, Outliers, Problem, SolveOptions, StageOptions, Strategy, simulate, solve,
 };
 use serde_json::{Value, from_value, json, to_value};
 
@@ -25,9 +25,10 @@ fn problems() -> Vec<(Problem, SolveOptions)> {
     let limited = Problem::dense(45, 30, &trajectory.bearings, noise).unwrap();
     let motions = trajectory.odometry([0.05, 0.05, 0.02], 3).unwrap();
     let tied = limited.clone().with_odometry(&motions).unwrap();
-    let (wrong, _) = scene(Layout::Mixed, 6, 12, f64::INFINITY).contaminate(0.2, 3);
+    let (wrong, _) =
+        scene(Layout::Mixed, 6, 12, f64::INFINITY).contaminate(Outliers::Mixture, 0.2, 3);
     let wrong = Problem::dense(6, 12, &wrong.bearings, noise).unwrap();
-    let (wrong_tied, _) = trajectory.contaminate(0.1, 3);
+    let (wrong_tied, _) = trajectory.contaminate(Outliers::Mixture, 0.1, 3);
     let wrong_tied = Problem::dense(45, 30, &wrong_tied.bearings, noise).unwrap();
     let wrong_tied = wrong_tied.with_odometry(&motions).unwrap();
     let plain = SolveOptions::default();
@@ -39,6 +40,10 @@ fn problems() -> Vec<(Problem, SolveOptions)> {
         robust: true,
         ..plain
     };
+    let verify = SolveOptions {
+        verify: true,
+        ..plain
+    };
     vec![
         (dense(5, 7), plain),
         (dense(5, 4), plain),
@@ -47,6 +52,7 @@ fn problems() -> Vec<(Problem, SolveOptions)> {
         (tied, plain),
         (wrong, robust),
         (wrong_tied, robust),
+        (dense(5, 9), verify),
     ]
 }
 
@@ -96,6 +102,7 @@ fn stages_use_the_options_of_the_caller() {
         (4, "/odometry_growth/iterations"),
         (5, "/robust/samples"),
         (6, "/robust/sets"),
+        (7, "/verify/cells"),
     ];
     let default = to_value(StageOptions::default()).unwrap();
     let problems = problems();

@@ -14,7 +14,7 @@ from bearslam.errors import InvalidInputError
 from bearslam.io.endings import TRUTHS
 from bearslam.io.files import save, save_truth
 from bearslam.io.sightings_csv import render
-from bearslam.verbs.simulate import LAYOUTS, simulate
+from bearslam.verbs.simulate import LAYOUTS, OUTLIERS, simulate
 
 __all__ = ["add"]
 
@@ -47,6 +47,20 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         "--sight", type=float, default=math.inf, metavar="M", help="range of the sensor (default: unlimited)"
     )
     verb.add_argument(
+        "--outliers",
+        type=float,
+        default=0.0,
+        metavar="SHARE",
+        help="share of the bearings that are outliers, 0 to 1 (default: none)",
+    )
+    verb.add_argument(
+        "--outlier-kind",
+        choices=OUTLIERS,
+        default=OUTLIERS[0],
+        help="random bearings, identities exchanged within views, two landmarks under one identity, or a mixture of "
+        "swapped, turned and random bearings (default: %(default)s)",
+    )
+    verb.add_argument(
         "-o", "--output", metavar="OUT.csv", help="file to write the bearings to (default: standard output)"
     )
     verb.add_argument("--truth", metavar="OUT", help="file to write the true poses and landmarks to: .json or .csv")
@@ -67,6 +81,8 @@ def _run(options: argparse.Namespace) -> None:
         width=options.width,
         height=options.height,
         sight=options.sight,
+        outliers=real("--outliers", options.outliers, 0.0, 1.0),
+        outlier_kind=options.outlier_kind,
     )
     if options.truth is not None:
         save_truth(scene, options.truth)

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bearslam import _core
 from bearslam.data.checks import LARGEST, SEED_LIMIT, FloatArray, choice, floats, posed, real, spread, whole
@@ -16,10 +16,12 @@ from bearslam.data.priors import Odometry
 from bearslam.data.sightings import Sightings
 from bearslam.errors import InvalidInputError
 
-__all__ = ["LAYOUTS", "PLACES", "Layout", "Scene", "simulate"]
+__all__ = ["LAYOUTS", "OUTLIERS", "PLACES", "Layout", "Outliers", "Scene", "simulate"]
 
 Layout: TypeAlias = Literal["mixed", "enclosed", "trajectory"]
 LAYOUTS = ("mixed", "enclosed", "trajectory")
+Outliers: TypeAlias = Literal["uniform", "exchanged", "merged", "mixture"]
+OUTLIERS = ("uniform", "exchanged", "merged", "mixture")
 PLACES = 2**27
 """Largest number of entries of a table of bearings: 1 GB."""
 
@@ -36,14 +38,19 @@ class Scene:
         Positions [m].
     bearings : (m, n) ndarray
         Bearing of each landmark from each view, with noise, in (-pi, pi]; NaN where it is out of range [rad].
+    outliers : (m, n) ndarray of bool
+        Bearings that have been made outliers. None by default.
     """
 
     poses: FloatArray
     landmarks: FloatArray
     bearings: FloatArray
+    outliers: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:
         posed("poses", self.poses, ("m", 3))
+        if not self.outliers.size:
+            object.__setattr__(self, "outliers", np.zeros(np.shape(self.bearings), dtype=bool))
 
     def __repr__(self) -> str:
         seen = int(np.isfinite(self.bearings).sum())
@@ -97,6 +104,8 @@ def simulate(
     width: float = 7.0,
     height: float = 5.0,
     sight: float = math.inf,
+    outliers: float = 0.0,
+    outlier_kind: Outliers = "uniform",
 ) -> Scene:
     """Draw a random scene: views and landmarks in an arena, and the bearings between them.
 
@@ -115,11 +124,19 @@ def simulate(
         Size of the arena [m].
     sight : float
         Range of the sensor: landmarks farther away are not seen [m].
+    outliers : float
+        Share of the bearings that are outliers, 0 to 1.
+    outlier_kind : {"uniform", "exchanged", "merged", "mixture"}
+        "uniform": random bearings. "exchanged": identities exchanged within views, the bearings of some landmarks of a
+        view permuted so that none keeps its own. "merged": two landmarks under one identity; the one with fewer
+        sightings is left without any, and its bearings are the outliers of the other. Pairs are merged until the share
+        is reached or no pair is left, and at most half of the bearings that are left are outliers. "mixture": a third
+        each swapped in pairs within a view, turned by pi, and random.
 
     Returns
     -------
     Scene
-        The truth and the bearings.
+        The truth, the bearings, and which of them are outliers.
 
     Raises
     ------
@@ -135,11 +152,14 @@ def simulate(
     >>> from bearslam import simulate
     >>> simulate("mixed", 4, 9, noise=0.04, seed=1)
     <Scene: 36 sightings of 9 landmarks from 4 views>
+    >>> scene = simulate("mixed", 8, 15, noise=0.01, seed=1, outliers=0.2, outlier_kind="exchanged")
+    >>> scene.outliers.sum()
+    np.int64(24)
     """
     views, landmarks = whole("views", views, 1), whole("landmarks", landmarks, 1)
     if views * landmarks > PLACES:
         raise InvalidInputError(f"views: expected at most {PLACES} pairs with landmarks, got {views} x {landmarks}")
-    poses, points, bearings = _core.simulate(
+    poses, points, bearings, wrong = _core.simulate(
         choice("layout", layout, LAYOUTS),
         views,
         landmarks,
@@ -148,5 +168,7 @@ def simulate(
         real("width", width, 0.0, LARGEST, above=True),
         real("height", height, 0.0, LARGEST, above=True),
         real("sight", sight, 0.0, above=True, infinite=True),
+        real("outliers", outliers, 0.0, 1.0),
+        choice("outlier_kind", outlier_kind, OUTLIERS),
     )
-    return Scene(poses, points, bearings)
+    return Scene(poses, points, bearings, wrong)
