@@ -223,7 +223,7 @@ fn joined(
 mod tests {
     use super::*;
     use crate::lm::Termination;
-    use crate::simulate::{Arena, Layout, simulate};
+    use crate::simulate::{Arena, Layout, Outliers, simulate};
     use rand::SeedableRng;
 
     /// A component is the lowest of what seeds lead to, refined to the end, and counts all sightings, those of views that
@@ -240,7 +240,7 @@ mod tests {
         let mut later = 0;
         for seed in 0..12 {
             let scene = simulate(Layout::Trajectory, 12, 30, sigma, seed, arena).unwrap();
-            let (scene, _) = scene.contaminate(0.1, seed);
+            let (scene, _) = scene.contaminate(Outliers::Mixture, 0.1, seed);
             let problem = Problem::dense(12, 30, &scene.bearings, sigma).unwrap();
             let random = || ChaCha8Rng::seed_from_u64(1);
             let seeds = seeds(&problem, &options, &mut random(), &mut None).unwrap();
