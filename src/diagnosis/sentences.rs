@@ -376,7 +376,7 @@ mod tests {
     /// Every word in braces is a fact of all findings, or one of those that are given.
     #[test]
     fn texts_are_filled() {
-        let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized";
+        let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized angle";
         let given = given.split(' ').chain([
             "few views",
             "few landmarks",
