@@ -114,16 +114,16 @@ pub use problem::{
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IncrementalOptions,
-    InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions, OdometryGrowthOptions,
-    OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
-    RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
-    StrideOptions, VerifyOptions,
+    AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IdentityOptions,
+    IncrementalOptions, InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions,
+    OdometryGrowthOptions, OdometrySweepOptions, PositionOptions, PosteriorOptions,
+    RegrowthOptions, RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions,
+    StageOptions, StrideOptions, VerifyOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Certificate, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, Verdict,
-    initialize, refine, solve,
+    Certificate, LabelChange, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy,
+    Verdict, initialize, refine, relabel, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]

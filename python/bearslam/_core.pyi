@@ -68,6 +68,7 @@ class RawReconstruction(TypedDict):
     cost: float
     rms: float
     freedom: int
+    explained: int | None
     sensitivity: float
     uncertainty: float
     worst: tuple[str, int] | None
@@ -158,6 +159,7 @@ def refine(
     covariance: str | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawReconstruction: ...
+def relabel(request: Request, poses: _Float, landmarks: _Float) -> list[tuple[int, int, int, int]]: ...
 def diagnose(
     request: Request,
     poses: _Float | None,

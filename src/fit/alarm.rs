@@ -3,6 +3,7 @@
 
 use super::distributions::upper_tail;
 use crate::problem::Subject;
+use crate::reconstruction::IdentityOptions;
 use alloc::vec::Vec;
 
 /// Thresholds of the tests.
@@ -27,6 +28,12 @@ pub struct TestOptions {
     pub suspicious: f64,
     /// ... or a residual is above so many standard deviations: the tests take as long as a covariance.
     pub suspicious_deviations: f64,
+    /// Degrees of freedom for each outlier below which the inliers of a robust map may agree by chance, unless it explains
+    /// enough once identities are assigned anew. Of 12 x 15 wrong maps have at most 0.45, maps with 40 % random bearings
+    /// 0.6 or more (`benches/identities.rs`).
+    pub weak_spare: f64,
+    /// The share of the bearings that is enough, as `believed` of [`IdentityOptions`].
+    pub believed: f64,
     /// Most numbers, observations times unknowns, with which they are tested nevertheless: a second of work.
     pub most_numbers: usize,
 }
@@ -42,6 +49,8 @@ impl Default for TestOptions {
             explained: 0.1,
             suspicious: 0.05,
             suspicious_deviations: 3.0,
+            weak_spare: 0.55,
+            believed: IdentityOptions::default().believed,
             most_numbers: 20_000_000,
         }
     }
@@ -63,6 +72,14 @@ pub enum Observation {
 /// What is wrong with a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Alarm {
+    /// A robust map leaves so many outliers that its inliers may agree by chance, and exchanged identities do not explain
+    /// them.
+    WeakConsensus {
+        /// Number of outliers.
+        outliers: usize,
+        /// Share of the bearings that the map explains once their identities are assigned anew.
+        explained: f64,
+    },
     /// The residuals are larger than errors of one and a half times the stated standard deviations would be.
     PoorFit,
     /// An observation contradicts the others, as long as those that are named before it are left out.

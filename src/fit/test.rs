@@ -59,7 +59,7 @@ pub fn test_fit(
 ) -> Result<FitTest, Error> {
     let mut progress = progress;
     let global = GlobalTest::of(problem, found);
-    let mut alarms = Vec::new();
+    let mut alarms = Vec::from_iter(weak_consensus(found, options));
     // The tests are those of a minimum, and of squares.
     let is_tested = problem.states_sigma()
         && found.termination != Termination::NotRefined
@@ -102,6 +102,18 @@ pub fn test_fit(
         }
     }
     Ok(FitTest { global, alarms })
+}
+
+/// Whether the inliers of a robust map may agree by chance.
+fn weak_consensus(found: &Reconstruction, options: &TestOptions) -> Option<Alarm> {
+    let all = found.inliers.len() as f64;
+    let explained = found.explained? as f64 / all;
+    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
+    let is_weak = (found.freedom as f64) < options.weak_spare * outliers as f64;
+    (is_weak && explained < options.believed).then_some(Alarm::WeakConsensus {
+        outliers,
+        explained,
+    })
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ pub struct RawReconstruction<'py> {
     cost: f64,
     rms: f64,
     freedom: usize,
+    explained: Option<usize>,
     sensitivity: f64,
     uncertainty: f64,
     /// Kind and index.
@@ -154,6 +155,7 @@ impl<'py> RawReconstruction<'py> {
             cost: found.cost,
             rms: found.rms,
             freedom: found.freedom,
+            explained: found.explained,
             sensitivity: found.sensitivity,
             uncertainty: found.uncertainty,
             worst: found.worst.map(subject),

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 51] = [
+const LAYERS: [&str; 52] = [
     "scalar",
     "float",
     "error",
@@ -47,6 +47,7 @@ const LAYERS: [&str; 51] = [
     "reconstruction/global",
     "reconstruction/strategy",
     "reconstruction/robust",
+    "reconstruction/relabel",
     "reconstruction/persist",
     "reconstruction/odometry",
     "reconstruction/home",
