@@ -250,9 +250,10 @@ mod tests {
     use crate::simulate::{Arena, Layout, simulate};
     use nalgebra::{DMatrix, Point2};
 
+    type Way = fn(&Bundle, &Problem) -> (f64, Option<Place>);
+
     /// The ways to compute it, each for problems of any size.
-    const WAYS: [fn(&Bundle, &Problem) -> (f64, Option<Place>); 3] =
-        [weakest_of_all, weakest_kept::<3, 2>, weakest_kept::<2, 3>];
+    const WAYS: [Way; 3] = [weakest_of_all, weakest_kept::<3, 2>, weakest_kept::<2, 3>];
 
     /// A standard deviation over the size of the map: proportional to that of the bearings, and the same in any unit of
     /// length.

@@ -18,6 +18,7 @@ use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector6};
 
 /// Where the tensor of three views is in every map of lower cost.
+#[expect(clippy::large_enum_variant, reason = "there is one at a time")]
 pub enum Localisation {
     /// No three views share enough landmarks.
     TooFewShared,
@@ -59,6 +60,9 @@ impl Cone {
         CalibratedTensor::of_vector(&vector)
     }
 }
+
+/// The bearings of a system of three views, its singular values, the smallest first, and its right singular vectors.
+type Decomposition = (Vec<Triple<f64>>, [f64; 6], [Vector6<f64>; 6]);
 
 /// The system of three views that share landmarks.
 struct System {
@@ -150,7 +154,7 @@ fn decompose(
     problem: &Problem,
     found: &Reconstruction,
     views: [usize; 3],
-) -> Option<(Vec<Triple<f64>>, [f64; 6], [Vector6<f64>; 6])> {
+) -> Option<Decomposition> {
     let (triples, landmarks) = common_bearings(problem, views);
     let mut rows = Vec::with_capacity(triples.len());
     for (triple, landmark) in triples.iter().zip(landmarks) {
