@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! Are maps right when identities are wrong? `cargo bench --bench identities --features rayon [-- TRIALS [SEED]]`.
+//! Are maps right when identities are wrong?
+//! `cargo bench --bench identities --features rayon [-- TRIALS [SEED [CLASS]] [without]]`.
+//!
+//! CLASS is one of those below, from 0. `without` ranks maps by cost alone, and assigns no identities.
 //!
 //! Scenes of 12 x 15, mixed, with a share of the identities exchanged within each view, and with two landmarks under one
 //! identity. A map is *true* when its cost over the correct bearings is at most 1.5 times that of the refinement of
@@ -49,8 +52,6 @@ struct Run {
     outcome: Outcome,
     /// Share of the bearings explained after assignment; 0 when refused.
     explained: f64,
-    /// Degrees of freedom per outlier.
-    spare: f64,
     seconds: f64,
 }
 
@@ -59,6 +60,7 @@ fn main() {
     let trials: u64 = numbers.next().unwrap_or(100);
     let seed: u64 = numbers.next().unwrap_or(0);
     let only: Option<u64> = numbers.next();
+    let identities = !std::env::args().any(|argument| argument == "without");
     println!("{trials} scenes a row of 12 x 15, mixed, seed {seed}\n");
     println!(
         "| outliers | noise \\[deg\\] | true | of these with a warning | wrong, silent | wrong, warned of | refused \
@@ -78,7 +80,7 @@ fn main() {
             };
             let runs: Vec<Run> = (0..trials)
                 .into_par_iter()
-                .map(|trial| run(&cell, kind, share, cell.scene_seed(seed, trial)))
+                .map(|trial| run(&cell, kind, share, cell.scene_seed(seed, trial), identities))
                 .collect();
             report(kind, share, noise_deg, &runs);
         }
@@ -88,16 +90,16 @@ fn main() {
 fn report(kind: Outliers, share: f64, noise_deg: f64, runs: &[Run]) {
     use Outcome::{Refused, Silent, True, TrueWithWarning, WrongWithWarning};
     let count = |is: &[Outcome]| runs.iter().filter(|run| is.contains(&run.outcome)).count();
-    let quantile = |mut values: Vec<f64>, at: f64| {
+    let quantile = |mut values: Vec<f64>, percent: usize| {
         values.sort_by(f64::total_cmp);
-        let place = (at * values.len() as f64) as usize;
+        let place = values.len() * percent / 100;
         values
             .get(place.min(values.len().saturating_sub(1)))
             .copied()
     };
-    let explained = |is: &[Outcome], at: f64| {
+    let explained = |is: &[Outcome], percent: usize| {
         let of = runs.iter().filter(|run| is.contains(&run.outcome));
-        let value = quantile(of.map(|run| 100.0 * run.explained).collect(), at);
+        let value = quantile(of.map(|run| 100.0 * run.explained).collect(), percent);
         value.map_or("-".into(), |value| format!("{value:.0} %"))
     };
     let times: Vec<f64> = runs.iter().map(|run| 1e3 * run.seconds).collect();
@@ -111,28 +113,13 @@ fn report(kind: Outliers, share: f64, noise_deg: f64, runs: &[Run]) {
         count(&[Silent]),
         count(&[WrongWithWarning]),
         count(&[Refused]),
-        explained(&[True, TrueWithWarning], 0.05),
-        explained(&[Silent, WrongWithWarning], 0.95),
-        quantile(times, 0.5).unwrap_or(0.0),
+        explained(&[True, TrueWithWarning], 5),
+        explained(&[Silent, WrongWithWarning], 95),
+        quantile(times, 50).unwrap_or(0.0),
     );
-    if std::env::var_os("BEARSLAM_RUNS").is_some() {
-        for (k, run) in runs.iter().enumerate() {
-            let name = match run.outcome {
-                True => "true",
-                TrueWithWarning => "true, warned",
-                Silent => "silent",
-                WrongWithWarning => "wrong, warned",
-                Refused => "refused",
-            };
-            eprintln!(
-                "{k} {name} explained {:.3} spare {:.2}",
-                run.explained, run.spare
-            );
-        }
-    }
 }
 
-fn run(cell: &Cell, kind: Outliers, share: f64, seed: u64) -> Run {
+fn run(cell: &Cell, kind: Outliers, share: f64, seed: u64, identities: bool) -> Run {
     let Cell {
         layout,
         views,
@@ -146,22 +133,11 @@ fn run(cell: &Cell, kind: Outliers, share: f64, seed: u64) -> Run {
         robust: true,
         ..SolveOptions::default()
     };
-    let set = |name: &str, value: &mut f64| {
-        if let Some(given) = std::env::var(name).ok().and_then(|v| v.parse().ok()) {
-            *value = given;
-        }
-    };
-    let i = &mut options.stages.identities;
-    set("BELIEVED", &mut i.believed);
-    set("TELLING", &mut i.telling);
-    set("OWN", &mut i.own_label);
-    set("EXCHANGED", &mut i.exchanged);
-    let mut rounds = i.rounds as f64;
-    set("ROUNDS", &mut rounds);
-    i.rounds = rounds as usize;
-    let mut places = options.stages.robust.places as f64;
-    set("PLACES", &mut places);
-    options.stages.robust.places = places as usize;
+    if !identities {
+        // No map explains so much.
+        options.stages.identities.believed = 2.0;
+        options.stages.identities.telling = 2.0;
+    }
     let begin = Instant::now();
     let found = solve(&problem, &options, None);
     let seconds = begin.elapsed().as_secs_f64();
@@ -169,7 +145,6 @@ fn run(cell: &Cell, kind: Outliers, share: f64, seed: u64) -> Run {
         return Run {
             outcome: Outcome::Refused,
             explained: 0.0,
-            spare: 0.0,
             seconds,
         };
     };
@@ -180,11 +155,9 @@ fn run(cell: &Cell, kind: Outliers, share: f64, seed: u64) -> Run {
         (false, true) => Outcome::Silent,
         (false, false) => Outcome::WrongWithWarning,
     };
-    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
     Run {
         outcome,
         explained: found.explained.unwrap_or(0) as f64 / problem.sightings().len() as f64,
-        spare: found.freedom as f64 / outliers as f64,
         seconds,
     }
 }
@@ -250,51 +223,6 @@ fn is_true(scene: &Scene, wrong: &[bool], noise: f64, map: &Map) -> bool {
     let variances = both.iter().filter_map(|&j| predicted.landmarks[j]);
     let variance: f64 = variances.map(|block| block.trace()).sum();
     let predicted = variance * scale.scaling() * scale.scaling();
-    if std::env::var_os("BEARSLAM_RUNS").is_some() {
-        let mut worst: Vec<(f64, usize, usize)> = map
-            .residuals(&covered)
-            .zip(covered.sightings())
-            .filter_map(|(r, s)| Some(((r? / noise).abs(), s.view, s.landmark)))
-            .collect();
-        worst.sort_by(|a, b| b.0.total_cmp(&a.0));
-        worst.truncate(4);
-        let everything = Problem::dense(scene.poses.len(), landmarks, &scene.bearings, noise)
-            .expect("a problem");
-        let truncated = |map: &Map| -> f64 {
-            map.residuals(&everything)
-                .map(|r| r.map_or(4.5, |r| 0.5 * ((r / noise) * (r / noise)).min(9.0)))
-                .sum()
-        };
-        let mut from_truth = truth.clone();
-        for _ in 0..10 {
-            let seen: Vec<Sighting> = from_truth
-                .residuals(&everything)
-                .zip(everything.sightings())
-                .filter(|(r, _)| r.is_some_and(|r| (r / noise).abs() < 3.0))
-                .map(|(_, s)| Sighting {
-                    view: s.view,
-                    landmark: s.landmark,
-                    bearing: s.bearing.angle(),
-                    sigma: noise,
-                })
-                .collect();
-            let p = Problem::new(scene.poses.len(), landmarks, &seen).expect("p");
-            let _ = refine_map(&p, &mut from_truth, &RefineOptions::default(), None);
-        }
-        eprintln!(
-            "TRUNC found {:.1} from truth {:.1}; from truth cost ratio {:.2}",
-            truncated(map),
-            truncated(&from_truth),
-            cost(&all, &from_truth) / cost(&all, &truth)
-        );
-        eprintln!(
-            "cost {:.2} of {:.1}, error {:.2}, worst {:.1?}",
-            cost(&covered, map) / cost(&covered, &truth),
-            cost(&covered, &truth),
-            (error / predicted).sqrt(),
-            worst
-        );
-    }
     cost(&covered, map) <= COST * cost(&covered, &truth) && error <= ERROR * ERROR * predicted
 }
 

@@ -184,7 +184,7 @@ fn angle_of_sensor(problem: &Problem, map: &Map) -> f64 {
             .sum::<Complex<f64>>()
             / count;
     }
-    sum.arg()
+    sum.im.atan2(sum.re)
 }
 
 /// A map of a sensor that is far off may lose one in so many degrees of freedom: landmarks that a contradictory map places

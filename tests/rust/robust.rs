@@ -405,14 +405,15 @@ fn outliers_are_of_the_kind_and_number_asked_for() {
         let seen = scene.bearings.iter().filter(|b| b.is_finite()).count();
         for kind in Outliers::ALL {
             assert_eq!(scene.contaminate(kind, 0.0, 7).1, [false; 180]);
-            for share in [0.03, 0.2, 0.4, 1.0] {
+            for percent in [3, 20, 40, 100] {
+                let share = percent as f64 / 100.0;
                 let (dirty, wrong) = scene.contaminate(kind, share, 7);
                 assert_eq!(
                     format!("{:?}", scene.contaminate(kind, share, 7)),
                     format!("{:?}", (&dirty, &wrong))
                 );
                 let count = wrong.iter().filter(|wrong| **wrong).count();
-                let asked = (share * seen as f64).round() as usize;
+                let asked = (percent * seen + 50) / 100;
                 let changed = |k: usize| scene.bearings[k].to_bits() != dirty.bearings[k].to_bits();
                 if kind == Outliers::Merged {
                     // The last pair has twelve sightings or fewer, at most half of them wrong.
@@ -433,7 +434,8 @@ fn outliers_are_of_the_kind_and_number_asked_for() {
 fn exchanged_identities_are_derangements_within_views() {
     let clean = scene(Layout::Mixed, 12, 15, NOISE_DEG, 1);
     // Two outliers are in one view; of three none is alone.
-    for (share, most) in [(2.0 / 180.0, 1), (3.0 / 180.0, 1), (0.4, 12), (1.0, 12)] {
+    for (all, most) in [(2, 1), (3, 1), (72, 12), (180, 12)] {
+        let share = all as f64 / 180.0;
         let (dirty, wrong) = clean.contaminate(Outliers::Exchanged, share, 5);
         let mut views = 0;
         for view in 0..12 {
@@ -449,10 +451,7 @@ fn exchanged_identities_are_derangements_within_views() {
             views += usize::from(count > 0);
         }
         assert!(views <= most && views > 0);
-        assert_eq!(
-            wrong.iter().filter(|w| **w).count(),
-            (share * 180.0).round() as usize
-        );
+        assert_eq!(wrong.iter().filter(|w| **w).count(), all);
     }
 }
 
