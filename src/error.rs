@@ -143,7 +143,8 @@ pub enum Error {
         /// The method.
         what: &'static str,
     },
-    /// So many outliers that the inliers may agree by chance.
+    /// So many outliers that the inliers may agree by chance. With a share w of m n bearings right the map has
+    /// w m n - (3 m + 2 n - 4) degrees of freedom, and needs (1 - w) m n / 4.
     NoConsensus {
         /// Number of inliers.
         inliers: usize,
@@ -294,10 +295,23 @@ impl fmt::Display for Error {
                 inliers,
                 outliers,
                 freedom,
+            } if 4 * freedom >= outliers => write!(
+                f,
+                "no consensus: the best map has {inliers} inliers and {outliers} outliers; check sigma, and add \
+                 sightings"
+            ),
+            Self::NoConsensus {
+                inliers,
+                outliers,
+                freedom,
             } => write!(
                 f,
                 "no consensus: the best map has {inliers} inliers, {outliers} outliers and only {freedom} degrees of \
-                 freedom, which may be chance; check sigma, and add sightings"
+                 freedom, which may be chance: it needs one for every four outliers, so at most {} of these {} \
+                 bearings may be wrong; check sigma, and add sightings",
+                // An outlier less is a degree of freedom more.
+                4 * (outliers + freedom) / 5,
+                inliers + outliers,
             ),
             Self::OutOfMemory => write!(f, "not enough memory for the normal equations"),
             Self::Interrupted => write!(f, "interrupted by the caller"),

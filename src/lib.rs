@@ -114,15 +114,16 @@ pub use problem::{
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IncrementalOptions,
-    InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions, OdometryGrowthOptions,
-    OdometrySweepOptions, PositionOptions, PosteriorOptions, RegrowthOptions,
-    RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions, StageOptions,
-    StrideOptions,
+    AveragingOptions, DrawOptions, HeadingOptions, HypothesisOptions, IdentityOptions,
+    IncrementalOptions, InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions,
+    OdometryGrowthOptions, OdometrySweepOptions, PositionOptions, PosteriorOptions,
+    RegrowthOptions, RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions,
+    StageOptions, StrideOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize, refine, solve,
+    LabelChange, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize,
+    refine, relabel, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]

@@ -13,6 +13,7 @@ mod fit;
 mod geometry;
 mod observer;
 mod reconstruction;
+mod relabel;
 mod request;
 mod simulate;
 mod solve;
@@ -39,6 +40,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(solve::solve, module)?)?;
     module.add_function(wrap_pyfunction!(solve::defaults, module)?)?;
     module.add_function(wrap_pyfunction!(solve::refine, module)?)?;
+    module.add_function(wrap_pyfunction!(relabel::relabel, module)?)?;
     module.add_function(wrap_pyfunction!(fit::redundancy, module)?)?;
     module.add_function(wrap_pyfunction!(fit::expected_error, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;

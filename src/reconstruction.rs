@@ -16,6 +16,7 @@ pub(crate) mod judge;
 mod odometry;
 mod options;
 mod persist;
+mod relabel;
 mod result;
 mod robust;
 pub(crate) mod search;
@@ -34,8 +35,9 @@ pub use odometry::options::{
 };
 pub use options::{Progress, SearchOptions, SolveOptions, Strategy};
 pub(crate) use options::{goes_on, report_progress};
+pub use relabel::{LabelChange, relabel};
 pub use result::Reconstruction;
-pub use robust::options::{RegrowthOptions, RobustOptions};
+pub use robust::options::{IdentityOptions, RegrowthOptions, RobustOptions};
 pub use search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};
 pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};

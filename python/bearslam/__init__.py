@@ -37,6 +37,7 @@ from bearslam.io.truth import load_truth
 from bearslam.montecarlo.sweep_result import SweepResult
 from bearslam.reconstruction import Reconstruction
 from bearslam.verbs.diagnose import Diagnosis, NullDirection, diagnose
+from bearslam.verbs.relabel import LabelChange, relabel
 from bearslam.verbs.resect import resect
 from bearslam.verbs.simulate import Scene, simulate
 from bearslam.verbs.solve import initialize, refine, solve
@@ -61,6 +62,7 @@ __all__ = [
     "Finding",
     "Fix",
     "InvalidInputError",
+    "LabelChange",
     "LandmarkPriors",
     "NotConvergedWarning",
     "NullDirection",
@@ -87,6 +89,7 @@ __all__ = [
     "load",
     "load_truth",
     "refine",
+    "relabel",
     "resect",
     "save",
     "simulate",

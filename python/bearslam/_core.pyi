@@ -58,6 +58,7 @@ class RawReconstruction(TypedDict):
     cost: float
     rms: float
     freedom: int
+    explained: int | None
     sensitivity: float
     uncertainty: float
     sigma0: float
@@ -146,6 +147,7 @@ def refine(
     covariance: str | None,
     progress: Callable[[str, int, int], object] | None,
 ) -> RawReconstruction: ...
+def relabel(request: Request, poses: _Float, landmarks: _Float) -> list[tuple[int, int, int, int]]: ...
 def diagnose(
     request: Request,
     poses: _Float | None,

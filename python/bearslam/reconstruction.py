@@ -57,7 +57,7 @@ class Reconstruction(Estimate):
     ----------
     poses, landmarks
         The map.
-    sightings, residuals, inliers, cost, rms, freedom
+    sightings, residuals, inliers, cost, rms, freedom, explained
         How well it explains the bearings.
     sigma0, p_value, findings, redundancy, standardized_residuals
         Whether the residuals are what the standard deviations predict.
@@ -270,6 +270,7 @@ def from_core(
         termination=cast("Termination", raw["termination"]),
         iterations=raw["iterations"],
         freedom=raw["freedom"],
+        explained=raw["explained"],
         inliers=table.restore(raw["inliers"], False),
         undetermined=tuple(
             Undetermined(cast("Literal['view', 'landmark']", kind), index, reason)

@@ -77,6 +77,8 @@ pub enum Kind {
     SecondSolution,
     /// No map has been found that explains the bearings.
     UnexplainedBearings,
+    /// So many bearings are outliers that the others may agree by chance, and exchanged identities do not explain them.
+    WeakConsensus,
     /// The residuals are too large for the stated standard deviations.
     PoorFit,
     /// An observation contradicts the others.

@@ -55,6 +55,17 @@ fn findings(problem: &Problem, test: &FitTest, outer: &dyn Fn(Subject) -> Subjec
         )
     };
     let findings = test.alarms.iter().map(|alarm| match *alarm {
+        Alarm::WeakConsensus {
+            outliers,
+            explained,
+        } => {
+            let given = [
+                ("outliers", format!("{outliers}")),
+                ("explained", format!("{:.0}", 100.0 * explained)),
+            ];
+            let (kind, severity) = (Kind::WeakConsensus, Severity::Warning);
+            finding_in(Case::Usual, kind, severity, all(), 0, &given)
+        }
         Alarm::PoorFit => whole(Kind::PoorFit, Severity::Warning),
         Alarm::UnderstatedSigma => whole(Kind::UnderstatedSigma, Severity::Note),
         Alarm::OverstatedSigma => whole(Kind::OverstatedSigma, Severity::Note),

@@ -30,7 +30,7 @@ pub enum Case {
 /// advice follow from counting: a new landmark takes two sightings to place it and a new view three; each sighting
 /// beyond these fixes one direction.
 #[rustfmt::skip]
-const TABLE: [(Kind, &str, &str, &str); 28] = [
+const TABLE: [(Kind, &str, &str, &str); 29] = [
     (Kind::TooFewSightings, "too_few_sightings",
         "{all} {have} too few sightings to be placed",
         "A view needs three landmarks that are placed, a landmark two views."),
@@ -113,6 +113,10 @@ const TABLE: [(Kind, &str, &str, &str); 28] = [
     (Kind::UnexplainedBearings, "unexplained_bearings",
         "the map leaves residuals of {rms} degrees, too large for its shape to mean anything",
         "Look for wrong correspondences, or give a better map."),
+    (Kind::WeakConsensus, "weak_consensus",
+        "the {outliers} outliers leave few degrees of freedom, and with identities assigned anew the map explains only \
+         {explained} % of the bearings: the others may agree by chance",
+        "Look for wrong identities, check sigma, and add sightings."),
     (Kind::PoorFit, "poor_fit",
         "the residuals are {ratio} times as large as the stated standard deviations predict",
         "Look for wrong bearings (or solve robustly), mistaken landmarks, wrong odometry or priors, or state a larger \
@@ -365,7 +369,8 @@ mod tests {
     /// Every word in braces is a fact of all findings, or one of those that are given.
     #[test]
     fn texts_are_filled() {
-        let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized";
+        let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized \
+                     outliers explained";
         let given = given.split(' ').chain([
             "few views",
             "few landmarks",

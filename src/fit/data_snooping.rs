@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::float::Float;
 use crate::lm::{Loss, Observer, RefineOptions, Termination};
 use crate::problem::{Map, Prior, Problem};
-use crate::reconstruction::{Progress, Reconstruction, report_progress};
+use crate::reconstruction::{IdentityOptions, Progress, Reconstruction, report_progress};
 use alloc::vec::Vec;
 
 /// Thresholds of the tests.
@@ -33,6 +33,12 @@ pub struct TestOptions {
     pub suspicious: f64,
     /// ... or a residual is above so many standard deviations: the tests take as long as a covariance.
     pub suspicious_deviations: f64,
+    /// Degrees of freedom for each outlier below which the inliers of a robust map may agree by chance, unless it explains
+    /// enough once identities are assigned anew. Of 12 x 15 wrong maps have at most 0.45, maps with 40 % random bearings
+    /// 0.6 or more (`benches/identities.rs`).
+    pub weak_spare: f64,
+    /// The share of the bearings that is enough, as `believed` of [`IdentityOptions`].
+    pub believed: f64,
     /// Most numbers, observations times unknowns, with which they are tested nevertheless: a second of work.
     pub most_numbers: usize,
 }
@@ -47,6 +53,8 @@ impl Default for TestOptions {
             most_blunders: 10,
             suspicious: 0.05,
             suspicious_deviations: 3.0,
+            weak_spare: 0.55,
+            believed: IdentityOptions::default().believed,
             most_numbers: 20_000_000,
         }
     }
@@ -68,6 +76,14 @@ pub enum Observation {
 /// What is wrong with a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alarm {
+    /// A robust map leaves so many outliers that its inliers may agree by chance, and exchanged identities do not explain
+    /// them.
+    WeakConsensus {
+        /// Number of outliers.
+        outliers: usize,
+        /// Share of the bearings that the map explains once their identities are assigned anew.
+        explained: f64,
+    },
     /// The residuals are larger than errors of one and a half times the stated standard deviations would be.
     PoorFit,
     /// An observation contradicts the others, as long as those that are named before it are left out.
@@ -128,7 +144,7 @@ pub fn test_fit(
 ) -> Result<FitTest, Error> {
     let mut progress = progress;
     let global = GlobalTest::of(problem, found);
-    let mut alarms = Vec::new();
+    let mut alarms = Vec::from_iter(weak_consensus(found, options));
     // The tests are those of a minimum.
     if global.p_value.is_nan() || found.termination == Termination::NotRefined {
         return Ok(FitTest { global, alarms });
@@ -149,6 +165,18 @@ pub fn test_fit(
         alarms.extend(blunders(problem, found, options, &mut progress)?);
     }
     Ok(FitTest { global, alarms })
+}
+
+/// Whether the inliers of a robust map may agree by chance.
+fn weak_consensus(found: &Reconstruction, options: &TestOptions) -> Option<Alarm> {
+    let all = found.inliers.len() as f64;
+    let explained = found.explained? as f64 / all;
+    let outliers = found.inliers.iter().filter(|inlier| !**inlier).count();
+    let is_weak = (found.freedom as f64) < options.weak_spare * outliers as f64;
+    (is_weak && explained < options.believed).then_some(Alarm::WeakConsensus {
+        outliers,
+        explained,
+    })
 }
 
 /// Whether single observations are worth the time of their tests.

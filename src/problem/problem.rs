@@ -340,6 +340,25 @@ impl Problem {
         }
     }
 
+    /// The same problem with other landmarks for its sightings, in the order of [`Problem::sightings`]. No view may have
+    /// a landmark twice.
+    pub(crate) fn relabelled(&self, landmarks: &[usize]) -> Self {
+        let mut all: Vec<(IndexedSighting, usize)> = self
+            .sightings
+            .iter()
+            .zip(landmarks)
+            .map(|(seen, &landmark)| IndexedSighting { landmark, ..*seen })
+            .zip(self.input.iter().copied())
+            .collect();
+        all.sort_by_key(|(seen, _)| (seen.view, seen.landmark));
+        let (sightings, input) = all.into_iter().unzip();
+        Self {
+            oriented: self.oriented,
+            priors: self.priors.clone(),
+            ..Self::index(self.views(), self.landmarks, sightings, input)
+        }
+    }
+
     /// The problem with the inliers alone, which are given in the order of the input.
     ///
     /// # Errors

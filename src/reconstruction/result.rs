@@ -39,6 +39,9 @@ pub struct Reconstruction {
     /// that odometry and priors measure, minus the parameters without those of the gauge (four for bearings
     /// alone). A landmark at infinity, or on a view that sees it, is one parameter.
     pub freedom: usize,
+    /// With [`SolveOptions::robust`](crate::SolveOptions::robust), the number of bearings within three sigma once their
+    /// identities are assigned anew. Wrong maps explain few; `None` where it was not counted.
+    pub explained: Option<usize>,
     /// The loss of the refinement; with [`SolveOptions::robust`](crate::SolveOptions::robust) that of a truncation at
     /// three sigma.
     pub loss: Loss,
@@ -98,6 +101,7 @@ impl Reconstruction {
             rms: (squares / count.max(1.0)).sqrt(),
             freedom: freedom(problem, &map, &inliers),
             inliers,
+            explained: None,
             residuals,
             map,
             loss: report.loss,
@@ -236,6 +240,7 @@ mod tests {
             residuals: Vec::new(),
             inliers: Vec::new(),
             freedom: 0,
+            explained: None,
             loss: Loss::Squared,
             termination: Termination::Converged,
             iterations: 6,

@@ -17,7 +17,7 @@ use super::odometry::options::{
     HeadingOptions, OdometryGrowthOptions, OdometrySweepOptions, PosteriorOptions,
     RobustGrowthOptions, StrideOptions,
 };
-use super::robust::options::{RegrowthOptions, RobustOptions};
+use super::robust::options::{IdentityOptions, RegrowthOptions, RobustOptions};
 use super::search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};
 use super::sight::SightOptions;
 
@@ -67,6 +67,8 @@ pub struct StageOptions {
     pub infinity: InfinityOptions,
     /// Bearings with outliers: [`SolveOptions::robust`](crate::SolveOptions::robust).
     pub robust: RobustOptions,
+    /// How bearings are assigned to landmarks whatever their labels.
+    pub identities: IdentityOptions,
     /// Which parts of a map with outliers are grown again under limited sight.
     pub regrowth: RegrowthOptions,
     /// Which starts are tried with odometry or priors.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 48] = [
+const LAYERS: [&str; 49] = [
     "scalar",
     "float",
     "error",
@@ -45,6 +45,7 @@ const LAYERS: [&str; 48] = [
     "reconstruction/global",
     "reconstruction/strategy",
     "reconstruction/robust",
+    "reconstruction/relabel",
     "reconstruction/persist",
     "reconstruction/odometry",
     "reconstruction/home",

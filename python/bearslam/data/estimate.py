@@ -88,8 +88,8 @@ class Estimate:
         Probability that errors of the stated standard deviations leave residuals as large as these (chi-square test).
         NaN without degrees of freedom, without a stated `sigma`, and with the losses "huber" and "cauchy".
     findings : tuple of Finding
-        What the test of the fit says: "poor_fit" and "blunder" are warnings, "understated_sigma" and "overstated_sigma"
-        notes. Empty for alternatives, before refinement, and without a stated `sigma`.
+        What the test of the fit says: "poor_fit", "blunder" and "weak_consensus" are warnings, "understated_sigma" and
+        "overstated_sigma" notes. Empty for alternatives, before refinement, and without a stated `sigma`.
     converged : bool
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
@@ -101,6 +101,10 @@ class Estimate:
     freedom : int
         Degrees of freedom (redundancy): numbers measured (bearings of inliers, odometry and priors) minus unknowns,
         not counting gauge freedom.
+    explained : int or None
+        With ``robust=True`` the number of bearings within three standard deviations once their identities are assigned
+        anew, view by view. Wrong maps explain few of them: a map that leaves many outliers and explains less than 80 %
+        has the warning "weak_consensus".
     inliers : (m, n) or (k,) ndarray of bool
         Sightings that the map explains, in the shape of the problem: all with a residual, or with ``robust=True`` those
         within three standard deviations, with ``loss="truncated"`` those within its width. False where nothing was seen
@@ -148,6 +152,7 @@ class Estimate:
     termination: Termination
     iterations: int
     freedom: int
+    explained: int | None
     inliers: NDArray[np.bool_]
     undetermined: tuple[Undetermined, ...] = ()
     findings: tuple[Finding, ...] = ()

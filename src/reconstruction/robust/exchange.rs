@@ -50,7 +50,7 @@ pub fn exchange(
 }
 
 /// Sets of one or two sightings whose change may lower the cost, the most promising first.
-fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Vec<Vec<usize>> {
+pub fn promising(problem: &Problem, best: &Consensus, options: &RobustOptions) -> Vec<Vec<usize>> {
     let Some(influence) = Leverage::new(problem, &best.map, &best.inliers) else {
         return Vec::new();
     };

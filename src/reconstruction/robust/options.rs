@@ -250,6 +250,49 @@ impl Default for RegrowthOptions {
     }
 }
 
+/// Options of the assignment of bearings to landmarks. Shares are of all bearings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct IdentityOptions {
+    /// How much smaller the square of residual over sigma is taken to be under a bearing's own label: an assignment
+    /// that changes labels has to explain more.
+    pub own_label: f64,
+    /// Rounds of assignment and refinement.
+    pub rounds: usize,
+    /// Iterations of each refinement: the assignment need not be refined to the end.
+    pub iterations: usize,
+    /// Two maps that explain shares of the bearings which differ by less are told apart by their costs.
+    pub telling: f64,
+    /// Share that a map must explain after assignment for its identities to be believed. Of 12 x 15 with 30 to 50 % of
+    /// the identities exchanged the true maps explain at least 90 %, the wrong ones at most 67 % (`benches/identities.rs`).
+    pub believed: f64,
+    /// Share by which the assignment must explain more than the inliers of a map for the map to be estimated from the
+    /// bearings that keep their labels. Below it the inliers tell the outliers well enough: a third of the outliers
+    /// exchanged, with 30 % outliers, are not meant.
+    pub exchanged: f64,
+    /// Bound in standard deviations within which a second landmark that explains a bearing makes its identity ambiguous.
+    pub ambiguous: f64,
+    /// Maximum number of bearings of a view that are assigned, as the work grows with their cube; views with more keep
+    /// their labels.
+    pub bearings: usize,
+}
+
+impl Default for IdentityOptions {
+    fn default() -> Self {
+        Self {
+            own_label: 1.0,
+            rounds: 3,
+            iterations: 8,
+            telling: 0.05,
+            believed: 0.8,
+            exchanged: 0.15,
+            ambiguous: 2.0,
+            bearings: 500,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

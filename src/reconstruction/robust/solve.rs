@@ -8,13 +8,14 @@ use super::super::options::{Progress, SearchOptions, SolveOptions, Strategy, rep
 use super::super::result::Reconstruction;
 use super::super::search::{hypotheses, triples};
 use super::super::strategy;
+use super::candidate::Candidate;
 use super::consensus::{
     Consensus, OUTLIER, cost, fixed_point, inliers, to_consensus, with_squares, without_finish,
 };
 use super::exchange::exchange;
 use super::expand::expand;
 use super::growth::grow;
-use super::options::RobustOptions;
+use super::identities::{Identified, exchange_identified, identify, of_subset};
 use super::reassign::{reassign, reestimate_each};
 use super::sampling::{Common, SAMPLE, Seed};
 use super::toggle::toggle;
@@ -50,10 +51,13 @@ pub fn solve_robust(
         }
     }
     let best = lowest(problem, options, &mut random, progress)?;
-    let best = improve(problem, best, options, &mut random, progress)?;
-    let best = best.finished(problem, options.refine.max_iterations, options)?;
-    let [best, rivals @ ..] = &confirm_by_plain_search(problem, best, options, progress)?[..]
-    else {
+    let identified = identify(problem, &best.map, options)?;
+    let maps = if stages.identities.are_exchanged(problem, &best, &identified) {
+        improve_identified(problem, identified, options, &mut random, progress)?
+    } else {
+        improve_and_confirm(problem, best, options, &mut random, progress)?
+    };
+    let [best, rivals @ ..] = &maps[..] else {
         return Err(NOTHING);
     };
     let mut found = reconstruction(problem, best, &stages.infinity);
@@ -63,6 +67,7 @@ pub fn solve_robust(
         .iter()
         .map(|rival| reconstruction(problem, rival, &stages.infinity))
         .collect();
+    found.explained = Some(identify(problem, &best.map, options)?.explained);
     Ok(found)
 }
 
@@ -80,7 +85,8 @@ fn with_components(
         first = improve(problem, first, options, random, progress)?;
     }
     let first = first.finished(problem, options.refine.max_iterations, options)?;
-    let main = reconstruction(problem, &first, &stages.infinity);
+    let mut main = reconstruction(problem, &first, &stages.infinity);
+    main.explained = Some(identify(problem, &first.map, options)?.explained);
     refuse_free(&problem.subset(&first.inliers), &main)?;
     refuse_chance(&main, &stages.judge)?;
     let others = found.iter();
@@ -134,7 +140,7 @@ fn lowest(
     if commons.is_empty() {
         return from_plain_hypotheses(problem, options, random, progress);
     }
-    let mut found: Vec<(Consensus, [usize; 3])> = Vec::new();
+    let mut found: Vec<Candidate> = Vec::new();
     let rough = &without_finish(options);
     let rounds = robust
         .rounds
@@ -163,15 +169,24 @@ fn lowest(
                     continue;
                 };
                 let consensus = reestimate_each(problem, consensus, rough, random, progress)?;
-                let confirmed = confirms(&found, &consensus, seed.views, robust);
-                found.push((consensus, seed.views));
+                let identified = identify(problem, &consensus.map, rough)?;
+                let candidate = Candidate {
+                    consensus,
+                    views: seed.views,
+                    explained: identified.explained,
+                };
+                let confirmed = candidate.is_confirmed_by(&found, robust)
+                    || stages
+                        .identities
+                        .are_exchanged(problem, &candidate.consensus, &identified);
+                found.push(candidate);
                 if confirmed {
                     return exchanged(problem, found, options);
                 }
             }
         }
         let drawn = (round + 1) as f64 * robust.triples as f64 * robust.samples as f64;
-        if best_of(found.iter().map(|(consensus, _)| consensus))
+        if best_of(found.iter().map(|one| &one.consensus))
             .is_ok_and(|best| drawn * good_samples(best) > robust.good_samples)
         {
             break;
@@ -180,16 +195,21 @@ fn lowest(
     exchanged(problem, found, options)
 }
 
-/// The best of some rough minima: the lowest few refined to the end, with sightings exchanged.
+/// The best of some rough minima: of those that explain the most bearings after assignment the lowest few, refined to
+/// the end, with sightings exchanged.
 fn exchanged(
     problem: &Problem,
-    found: Vec<(Consensus, [usize; 3])>,
+    found: Vec<Candidate>,
     options: &SolveOptions,
 ) -> Result<Consensus, Error> {
-    let mut found: Vec<Consensus> = found.into_iter().map(|(consensus, _)| consensus).collect();
+    let SolveOptions { stages, .. } = options;
+    let most = found.iter().map(|one| one.explained).max().unwrap_or(0);
+    let close = |one: &Candidate| !stages.identities.tells(problem, one.explained, most);
+    let close = found.into_iter().filter(close);
+    let mut found: Vec<Consensus> = close.map(|one| one.consensus).collect();
     found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     found.dedup_by(|a, b| a.inliers == b.inliers);
-    let robust = &options.stages.robust;
+    let robust = &stages.robust;
     found.truncate(robust.exchanged);
     let exchanged: Result<Vec<_>, Error> = found
         .into_iter()
@@ -199,20 +219,6 @@ fn exchanged(
         })
         .collect();
     best_of(exchanged?.into_iter())
-}
-
-/// Whether a minimum is as low as any, and another triple of views has led to nearly the same.
-fn confirms(
-    found: &[(Consensus, [usize; 3])],
-    consensus: &Consensus,
-    views: [usize; 3],
-    options: &RobustOptions,
-) -> bool {
-    found.iter().all(|(other, _)| {
-        other.cost >= consensus.cost || other.agrees(consensus, options.confirming_percent)
-    }) && found
-        .iter()
-        .any(|(other, from)| *from != views && other.agrees(consensus, options.confirming_percent))
 }
 
 /// Expected fraction of samples without an outlier, given the inliers of a map: all 15 bearings must be inliers.
@@ -257,6 +263,49 @@ fn best_of<S: core::borrow::Borrow<Consensus>>(found: impl Iterator<Item = S>) -
             a.total_cmp(&b)
         })
         .ok_or(NOTHING)
+}
+
+/// The best map and its rivals of the bearings whose identities are not exchanged: with so many others, some agree by
+/// chance with any map, and one of lower cost may be made of them.
+fn improve_identified(
+    problem: &Problem,
+    identified: Identified,
+    options: &SolveOptions,
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Consensus>, Error> {
+    // The first map still lacks bearings that the next explains.
+    let (own, _) = identified.own(problem);
+    let identified = match to_consensus(&own, identified.map, f64::INFINITY, options)? {
+        Some(start) => {
+            let improved = improve(&own, start, options, random, progress)?;
+            identify(problem, &improved.map, options)?
+        }
+        None => return Ok(Vec::new()),
+    };
+    let identified = exchange_identified(problem, identified, options)?;
+    let (own, kept) = identified.own(problem);
+    match to_consensus(&own, identified.map, f64::INFINITY, options)? {
+        Some(start) => {
+            let found = improve_and_confirm(&own, start, options, random, progress)?;
+            let whole = |found| of_subset(problem, found, &kept);
+            Ok(found.into_iter().map(whole).collect())
+        }
+        None => Ok(Vec::new()),
+    }
+}
+
+/// The best map, improved, and its rivals.
+fn improve_and_confirm(
+    problem: &Problem,
+    best: Consensus,
+    options: &SolveOptions,
+    random: &mut ChaCha8Rng,
+    progress: &mut Option<Progress<'_>>,
+) -> Result<Vec<Consensus>, Error> {
+    let best = improve(problem, best, options, random, progress)?;
+    let best = best.finished(problem, options.refine.max_iterations, options)?;
+    confirm_by_plain_search(problem, best, options, progress)
 }
 
 /// Lowers the cost of the best map by single changes until none helps.
@@ -401,31 +450,9 @@ mod tests {
         assert_eq!(good_samples(&consensus(&[true; 3], 1.0)), 1.0);
     }
 
-    /// A fixed point is confirmed by another triple of views with the same inliers, if none is lower with others.
     #[test]
-    fn another_triple_confirms_the_lowest_fixed_point() {
-        let options = RobustOptions::default();
-        let (a, b) = ([true, true, false], [true, false, true]);
-        let (one, two) = ([0, 1, 2], [0, 1, 3]);
-        let now = consensus(&a, 1.0);
-        for (found, confirmed) in [
-            (vec![], false),
-            (vec![(consensus(&a, 1.0), one)], false),
-            (vec![(consensus(&a, 1.0), two)], true),
-            (vec![(consensus(&b, 1.1), two)], false),
-            (
-                vec![(consensus(&a, 1.0), two), (consensus(&b, 1.1), one)],
-                true,
-            ),
-            (
-                vec![(consensus(&a, 1.0), two), (consensus(&b, 0.9), one)],
-                false,
-            ),
-            (vec![(consensus(&a, 0.9), two)], true),
-        ] {
-            assert_eq!(confirms(&found, &now, one, &options), confirmed);
-        }
-        let costs = [3.0, 1.0, 2.0].map(|cost| consensus(&a, cost));
+    fn the_best_costs_least() {
+        let costs = [3.0, 1.0, 2.0].map(|cost| consensus(&[true], cost));
         assert_eq!(best_of(costs.into_iter()).unwrap().cost, 1.0);
         assert_eq!(
             best_of(core::iter::empty::<Consensus>()).err(),
