@@ -143,6 +143,11 @@ pub enum Error {
         /// The method.
         what: &'static str,
     },
+    /// A loss other than the squared one, or outliers, where a method needs the squared residuals of all bearings.
+    NeedsSquares {
+        /// The method.
+        what: &'static str,
+    },
     /// So many outliers that the inliers may agree by chance. With a share w of m n bearings right the map has
     /// w m n - (3 m + 2 n - 4) degrees of freedom, and needs (1 - w) m n / 4.
     NoConsensus {
@@ -291,6 +296,10 @@ impl fmt::Display for Error {
                     "{what}: expected oriented bearings, got bearings known modulo pi"
                 )
             }
+            Self::NeedsSquares { what } => write!(
+                f,
+                "{what}: expected the squared loss without robust, since its bound is one of squared residuals"
+            ),
             Self::NoConsensus {
                 inliers,
                 outliers,

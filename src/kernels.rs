@@ -32,6 +32,8 @@ pub use three_view::{Method, ThreeView, three_view, three_view_with_landmarks, t
 #[cfg(feature = "python")]
 pub(crate) use three_view::{three_view_while, trifocal_tensor_while};
 pub(crate) use triangulate::MIN_VIEWS_OF_LANDMARK;
+#[cfg(feature = "alloc")]
+pub(crate) use triangulate::{LineOfSight, meeting};
 pub use triangulate::{Triangulation, triangulate};
 
 use crate::error::Error;

@@ -94,7 +94,7 @@ pub use diagnosis::{
 pub use error::{Degeneracy, Error};
 #[cfg(feature = "alloc")]
 pub use fit::{
-    Alarm, Checked, FitTest, GlobalTest, Observation, Redundancy, TestOptions, expected_error,
+    Alarm, Checked, FitTest, Fix, GlobalTest, Observation, Redundancy, TestOptions, expected_error,
     redundancy, test_fit,
 };
 pub use fixed::{Branch, FixedMap, Workspace};
@@ -118,12 +118,12 @@ pub use reconstruction::{
     IncrementalOptions, InfinityOptions, JudgeOptions, MinimaOptions, MoveOptions,
     OdometryGrowthOptions, OdometrySweepOptions, PositionOptions, PosteriorOptions,
     RegrowthOptions, RelativeHeadingOptions, RobustGrowthOptions, RobustOptions, SightOptions,
-    StageOptions, StrideOptions,
+    StageOptions, StrideOptions, VerifyOptions,
 };
 #[cfg(feature = "alloc")]
 pub use reconstruction::{
-    LabelChange, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy, initialize,
-    refine, relabel, solve,
+    Certificate, LabelChange, Progress, Reconstruction, SearchOptions, SolveOptions, Strategy,
+    Verdict, initialize, refine, relabel, solve,
 };
 pub use scalar::Real;
 #[cfg(feature = "alloc")]
@@ -134,7 +134,7 @@ pub use sweep::{
     sweep,
 };
 #[cfg(feature = "alloc")]
-pub use uncertainty::{Covariance, Fix, Frame, covariance};
+pub use uncertainty::{Covariance, Frame, covariance};
 
 /// Runs the examples of the README as tests.
 #[cfg(doctest)]

@@ -4,6 +4,7 @@
 mod alternatives;
 mod attempt;
 mod behind;
+mod certificate;
 pub(crate) mod choice;
 mod collapsed;
 mod far_views;
@@ -24,7 +25,9 @@ mod sight;
 mod solve;
 mod stages;
 pub(crate) mod strategy;
+mod verify;
 
+pub use certificate::{Certificate, Verdict};
 pub use global::options::{AveragingOptions, PositionOptions, RelativeHeadingOptions};
 pub use incremental::options::IncrementalOptions;
 pub use infinity::InfinityOptions;
@@ -42,3 +45,4 @@ pub use search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOpt
 pub use sight::SightOptions;
 pub use solve::{initialize, refine, solve};
 pub use stages::StageOptions;
+pub use verify::options::VerifyOptions;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-//! How well a map is known: covariances, position fixes, sensitivity, weak directions, leverage.
+//! How well a map is known: covariances, sensitivity, weak directions, leverage.
 
 mod covariance;
-mod fix;
 mod frame;
 mod inverse_blocks;
 mod leverage;
@@ -11,7 +10,6 @@ mod variances;
 mod weak_directions;
 
 pub use covariance::{Covariance, covariance};
-pub use fix::Fix;
 pub use frame::Frame;
 pub(crate) use frame::LIFT;
 pub(crate) use inverse_blocks::observe;

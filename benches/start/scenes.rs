@@ -157,16 +157,16 @@ pub const CLASSES: [Class; 21] = [
 ];
 
 /// What is there, and the noise by which it is measured.
-struct World {
-    random: ChaCha8Rng,
-    poses: Vec<Pose<f64>>,
-    landmarks: Vec<Point2<f64>>,
+pub struct World {
+    pub random: ChaCha8Rng,
+    pub poses: Vec<Pose<f64>>,
+    pub landmarks: Vec<Point2<f64>>,
     /// Noise of bearings \[rad\].
-    noise: f64,
+    pub noise: f64,
 }
 
 impl World {
-    fn new(seed: u64, noise_deg: f64) -> Self {
+    pub fn new(seed: u64, noise_deg: f64) -> Self {
         Self {
             random: ChaCha8Rng::seed_from_u64(seed),
             poses: Vec::new(),
@@ -175,7 +175,7 @@ impl World {
         }
     }
 
-    fn of(scene: &Scene, seed: u64, noise: f64) -> Self {
+    pub fn of(scene: &Scene, seed: u64, noise: f64) -> Self {
         Self {
             random: ChaCha8Rng::seed_from_u64(seed ^ 0x5eed),
             poses: scene.poses.clone(),
@@ -185,24 +185,24 @@ impl World {
     }
 
     /// Uniform between two numbers.
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.random.random::<f64>()
     }
 
-    fn normal(&mut self) -> f64 {
+    pub fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.random)
     }
 
-    fn heading(&mut self) -> f64 {
+    pub fn heading(&mut self) -> f64 {
         self.between(-PI, PI)
     }
 
-    fn point(&mut self, width: f64, height: f64) -> Point2<f64> {
+    pub fn point(&mut self, width: f64, height: f64) -> Point2<f64> {
         Point2::new(self.between(0.0, width), self.between(0.0, height))
     }
 
     /// What the views see of the landmarks, by a rule for each pair.
-    fn sightings(&mut self, sees: impl Fn(usize, usize) -> bool, sigma: f64) -> Vec<Sighting> {
+    pub fn sightings(&mut self, sees: impl Fn(usize, usize) -> bool, sigma: f64) -> Vec<Sighting> {
         let mut sightings = Vec::new();
         for view in 0..self.poses.len() {
             for landmark in (0..self.landmarks.len()).filter(|&landmark| sees(view, landmark)) {
@@ -221,7 +221,7 @@ impl World {
     }
 
     /// Each view sees so many landmarks, chosen at random.
-    fn some(&mut self, least: usize, most: usize) -> Vec<Vec<bool>> {
+    pub fn some(&mut self, least: usize, most: usize) -> Vec<Vec<bool>> {
         let count = self.landmarks.len();
         (0..self.poses.len())
             .map(|_| {
@@ -239,7 +239,7 @@ impl World {
 
     /// Motions from each view to the next within each robot of so many views; the errors are so many times as large
     /// as stated, plus a drift ahead in each.
-    fn odometry(
+    pub fn odometry(
         &mut self,
         views: usize,
         sigmas: [f64; 3],
@@ -262,7 +262,7 @@ impl World {
     }
 
     /// Priors of some coordinates of all poses; those of infinite sigma say nothing.
-    fn pose_priors(&mut self, sigmas: [f64; 3]) -> Vec<PosePrior> {
+    pub fn pose_priors(&mut self, sigmas: [f64; 3]) -> Vec<PosePrior> {
         (0..self.poses.len())
             .map(|view| {
                 let error = |world: &mut Self, sigma: f64| {
@@ -289,11 +289,11 @@ impl World {
             .collect()
     }
 
-    fn problem(&self, sightings: &[Sighting]) -> Problem {
+    pub fn problem(&self, sightings: &[Sighting]) -> Problem {
         Problem::new(self.poses.len(), self.landmarks.len(), sightings).expect("a problem")
     }
 
-    fn instance(&self, problem: Problem, sightings: Vec<Sighting>) -> Instance {
+    pub fn instance(&self, problem: Problem, sightings: Vec<Sighting>) -> Instance {
         Instance {
             problem,
             wrong: vec![false; sightings.len()],
@@ -308,6 +308,20 @@ impl World {
 
 /// A drive of 40 views among 30 landmarks seen up to 2 m, with odometry that is worse than it says.
 fn poor_odometry(seed: u64, worse: f64) -> Instance {
+    let (mut world, sightings) = drive(seed);
+    let odometry = world.odometry(40, MOTION, worse, 0.0);
+    let problem = world
+        .problem(&sightings)
+        .with_odometry(&odometry)
+        .expect("odometry");
+    world.instance(problem, sightings)
+}
+
+/// Standard deviations of the motions of a drive.
+pub const MOTION: [f64; 3] = [0.02, 0.02, 0.01];
+
+/// A drive and what is seen on it.
+pub fn drive(seed: u64) -> (World, Vec<Sighting>) {
     let noise = 0.5_f64.to_radians();
     let arena = Arena {
         sight: 2.0,
@@ -317,12 +331,7 @@ fn poor_odometry(seed: u64, worse: f64) -> Instance {
     let mut world = World::of(&scene, seed, noise);
     let seen = scene.bearings.clone();
     let sightings = world.sightings(|view, landmark| !seen[view * 30 + landmark].is_nan(), noise);
-    let odometry = world.odometry(40, [0.02, 0.02, 0.01], worse, 0.0);
-    let problem = world
-        .problem(&sightings)
-        .with_odometry(&odometry)
-        .expect("odometry");
-    world.instance(problem, sightings)
+    (world, sightings)
 }
 
 /// A robot that stands among seven landmarks, half of the time with one hop of 0.1 m, while its odometry drifts by
@@ -491,7 +500,7 @@ fn anchors(seed: u64) -> Instance {
 }
 
 /// A corridor of 20 m with 20 landmarks on its walls; a view sees those up to 7 m away.
-fn corridor(seed: u64) -> Instance {
+pub fn corridor(seed: u64) -> Instance {
     let mut world = World::new(seed, 0.8);
     let views = 7 + of(seed, 5);
     for view in 0..views {
@@ -515,7 +524,7 @@ fn corridor(seed: u64) -> Instance {
 
 /// A drive with bearings alone: so many views, two thirds as many landmarks, seen up to 2 m (from 200 views on
 /// 1.5 m); a share of the bearings is wrong.
-fn limited_sight(seed: u64, views: usize, outliers: f64) -> Instance {
+pub fn limited_sight(seed: u64, views: usize, outliers: f64) -> Instance {
     let noise = 0.5_f64.to_radians();
     let landmarks = (2 * views / 3).max(30);
     let arena = Arena {
@@ -572,6 +581,6 @@ fn chain(seed: u64) -> Instance {
 }
 
 /// A number below `count` that goes round with the seed.
-fn of(seed: u64, count: u64) -> usize {
+pub fn of(seed: u64, count: u64) -> usize {
     usize::try_from(seed % count).expect("a small number")
 }

@@ -15,6 +15,7 @@ True
 
 from bearslam._core import __version__
 from bearslam.data.align import Similarity, align
+from bearslam.data.certificate import Certificate
 from bearslam.data.estimate import Undetermined
 from bearslam.data.finding import Finding
 from bearslam.data.fix import Fix
@@ -56,6 +57,7 @@ __all__ = [
     "AmbiguousWarning",
     "BearslamError",
     "BearslamWarning",
+    "Certificate",
     "DegenerateError",
     "Diagnosis",
     "ExecutorError",

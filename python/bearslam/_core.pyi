@@ -18,9 +18,11 @@ __version__: Final[str]
 @type_check_only
 class RawFixes(TypedDict):
     value: _Float
-    covariance: _Float | None
-    rms: _Float | None
-    sigma0: _Float | None
+    covariance: _Float
+    rms: _Float
+    sigma0: _Float
+    p_value: _Float
+    uncertainty: _Float
 
 @type_check_only
 class RawThreeView(TypedDict):
@@ -50,6 +52,14 @@ class Defaults(TypedDict):
     refinement: RawRefinement
 
 @type_check_only
+class RawCertificate(TypedDict):
+    views: list[int] | None
+    cone: float
+    cells: int
+    verified: bool
+    message: str
+
+@type_check_only
 class RawReconstruction(TypedDict):
     poses: _Float
     landmarks: _Float
@@ -61,6 +71,7 @@ class RawReconstruction(TypedDict):
     explained: int | None
     sensitivity: float
     uncertainty: float
+    worst: tuple[str, int] | None
     sigma0: float
     p_value: float
     findings: list[RawFinding]
@@ -72,6 +83,7 @@ class RawReconstruction(TypedDict):
     pose_covariance: _Float | None
     landmark_covariance: _Float | None
     covariance_frame: str | None
+    certificate: RawCertificate | None
 
 @type_check_only
 class RawComponent(TypedDict):
@@ -129,8 +141,8 @@ def expected_error(
 def three_view(bearings: _Float, method: str, reweights: int) -> list[RawThreeView]: ...
 def trifocal_tensor(bearings: _Float, method: str, reweights: int) -> _Float: ...
 def epipoles(tensor: _Float) -> _Float: ...
-def triangulate(poses: _Float, bearings: _Float, sigma: float | None) -> RawFixes: ...
-def resect(landmarks: _Float, bearings: _Float, sigma: float | None, strict: bool) -> RawFixes: ...
+def triangulate(poses: _Float, bearings: _Float, sigma: float) -> RawFixes: ...
+def resect(landmarks: _Float, bearings: _Float, sigma: float, strict: bool) -> RawFixes: ...
 def align(source: _Float, target: _Float) -> tuple[float, float, float, float]: ...
 def defaults() -> Defaults: ...
 def initialize(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bearslam import _core
+from bearslam.data.certificate import certificate_from_core
 from bearslam.data.checks import FloatArray
 from bearslam.data.estimate import Estimate, Termination, Undetermined, per_sighting
 from bearslam.data.finding import findings
@@ -61,10 +62,12 @@ class Reconstruction(Estimate):
         How well it explains the bearings.
     sigma0, p_value, findings, redundancy, standardized_residuals
         Whether the residuals are what the standard deviations predict.
-    expected_error, sensitivity, uncertainty, pose_covariance, landmark_covariance, covariance_frame
+    expected_error, sensitivity, uncertainty, worst, pose_covariance, landmark_covariance, covariance_frame
         How well the bearings determine it.
     converged, termination, iterations
         How the refinement ended.
+    certificate
+        Whether a map of lower cost is excluded, with ``verify=True``.
     undetermined, alternatives, components
         What it leaves out, and other maps.
     oriented, odometry, pose_priors, landmark_priors, view_ids, landmark_ids, settings
@@ -263,6 +266,7 @@ def from_core(
         rms=raw["rms"],
         sensitivity=raw["sensitivity"],
         uncertainty=raw["uncertainty"],
+        worst=cast("tuple[Literal['view', 'landmark'], int] | None", raw["worst"]),
         sigma0=raw["sigma0"],
         p_value=raw["p_value"],
         findings=findings(raw["findings"]),
@@ -281,6 +285,7 @@ def from_core(
         pose_covariance=raw["pose_covariance"],
         landmark_covariance=raw["landmark_covariance"],
         covariance_frame=cast("CovarianceFrame | None", raw["covariance_frame"]),
+        certificate=certificate_from_core(raw["certificate"]),
         oriented=request.oriented,
         odometry=request.odometry,
         pose_priors=request.pose_priors,

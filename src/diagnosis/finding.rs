@@ -83,6 +83,10 @@ pub enum Kind {
     PoorFit,
     /// An observation contradicts the others.
     Blunder,
+    /// All bearings of a sensor are turned by one angle.
+    TurnedBearings,
+    /// The bearings are clockwise.
+    MirroredBearings,
     /// The residuals are somewhat larger than the stated standard deviations predict.
     UnderstatedSigma,
     /// The residuals are smaller than the stated standard deviations predict.

@@ -54,14 +54,26 @@ fn findings(problem: &Problem, test: &FitTest, outer: &dyn Fn(Subject) -> Subjec
             core::slice::from_ref(&ratio),
         )
     };
-    let findings = test.alarms.iter().map(|alarm| match *alarm {
+    let findings = test.alarms.iter().map(|alarm| match alarm {
+        Alarm::LeftOut { subjects } => {
+            let subjects = apart(subjects.iter().map(|&subject| outer(subject)));
+            let (kind, severity) = (Kind::PoorFit, Severity::Warning);
+            finding_in(Case::LeftOut, kind, severity, subjects, 0, &[])
+        }
+        Alarm::TurnedBearings { views, angle } => {
+            let views = apart(views.iter().map(|&view| outer(Subject::View(view))));
+            let given = [("angle", format!("{:.1}", angle.to_degrees()))];
+            let (kind, severity) = (Kind::TurnedBearings, Severity::Warning);
+            finding_in(Case::Usual, kind, severity, views, 0, &given)
+        }
+        Alarm::MirroredBearings => whole(Kind::MirroredBearings, Severity::Warning),
         Alarm::WeakConsensus {
             outliers,
             explained,
         } => {
             let given = [
                 ("outliers", format!("{outliers}")),
-                ("explained", format!("{:.0}", 100.0 * explained)),
+                ("explained", format!("{:.0}", 100.0 * *explained)),
             ];
             let (kind, severity) = (Kind::WeakConsensus, Severity::Warning);
             finding_in(Case::Usual, kind, severity, all(), 0, &given)
@@ -73,7 +85,7 @@ fn findings(problem: &Problem, test: &FitTest, outer: &dyn Fn(Subject) -> Subjec
             observation,
             standardized,
         } => {
-            let (subjects, name) = named(problem, observation, outer);
+            let (subjects, name) = named(problem, *observation, outer);
             let given = [
                 ("observation", name),
                 ("standardized", format!("{:.1}", standardized.abs())),

@@ -22,6 +22,8 @@ pub enum Case {
     NoMap,
     /// Odometry or priors are part of the problem.
     WithPriors,
+    /// It has bearings that determine it, but not in the map.
+    LeftOut,
 }
 
 /// For each kind, in their order: its name, what is wrong, and what to add.
@@ -30,7 +32,7 @@ pub enum Case {
 /// advice follow from counting: a new landmark takes two sightings to place it and a new view three; each sighting
 /// beyond these fixes one direction.
 #[rustfmt::skip]
-const TABLE: [(Kind, &str, &str, &str); 29] = [
+const TABLE: [(Kind, &str, &str, &str); 31] = [
     (Kind::TooFewSightings, "too_few_sightings",
         "{all} {have} too few sightings to be placed",
         "A view needs three landmarks that are placed, a landmark two views."),
@@ -124,6 +126,12 @@ const TABLE: [(Kind, &str, &str, &str); 29] = [
     (Kind::Blunder, "blunder",
         "the {observation} contradicts the others: its residual is {standardized} times what they let it be",
         "Check it, or leave it out."),
+    (Kind::TurnedBearings, "turned_bearings",
+        "all bearings from {views} seem to be turned by {angle} degrees: with this angle the fit is good, or far better",
+        "Check how the sensor is mounted, and from where its bearings count; turn them back."),
+    (Kind::MirroredBearings, "mirrored_bearings",
+        "the bearings seem to be clockwise: the mirror image fits, or far better",
+        "Bearings are counter-clockwise: change their signs."),
     (Kind::UnderstatedSigma, "understated_sigma",
         "the residuals are {ratio} times as large as the stated standard deviations predict",
         "State larger ones; covariances are too small by the square of this."),
@@ -137,7 +145,7 @@ const TABLE: [(Kind, &str, &str, &str); 29] = [
 
 /// The texts in special cases.
 #[rustfmt::skip]
-const SPECIAL: [(Kind, Case, &str, &str); 6] = [
+const SPECIAL: [(Kind, Case, &str, &str); 7] = [
     (Kind::TooFewSightings, Case::Unseen,
         "{all} {have} no sightings at all",
         "A view needs three landmarks that are placed, a landmark two views."),
@@ -154,6 +162,9 @@ const SPECIAL: [(Kind, Case, &str, &str); 6] = [
     (Kind::Unreached, Case::NoMap,
         "no map could be made: {why}",
         "Add sightings, odometry or priors."),
+    (Kind::PoorFit, Case::LeftOut,
+        "{all} {are} left out of the map, because no place explains the bearings of {them}",
+        "Look for wrong bearings and mistaken identities, or solve robustly."),
     (Kind::WeaklyDetermined, Case::WithPriors,
         "{all} {are} uncertain by up to {share} % of the size of the map",
         "Add sightings of {them}, from other places or of other landmarks."),
@@ -370,7 +381,7 @@ mod tests {
     #[test]
     fn texts_are_filled() {
         let given = "parts first missing seen unknowns why noise share margin rms ratio observation standardized \
-                     outliers explained";
+                     outliers explained angle";
         let given = given.split(' ').chain([
             "few views",
             "few landmarks",

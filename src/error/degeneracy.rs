@@ -30,6 +30,8 @@ pub enum Degeneracy {
     CommonDirection,
     /// A view is on one circle, or one line, with the landmarks for its resection.
     AmbiguousResection,
+    /// Bearings that no pose, or no position, explains.
+    ContradictoryBearings,
     /// Points that no similarity aligns: one set is a single place, or the sets do not correspond.
     UncorrelatedPoints,
     /// All views and landmarks of a start are in one place.
@@ -128,6 +130,11 @@ impl Degeneracy {
                 "misfit of the worst rotation in the resection",
                 "add a landmark off the line or circle through the view and the others",
             ),
+            Self::ContradictoryBearings => (
+                "contradictory_bearings",
+                "root mean square of the residuals, in radians,",
+                "check the sense of rotation (bearings are counter-clockwise), the unit, and which landmark is which",
+            ),
             Self::UncorrelatedPoints => (
                 "uncorrelated_points",
                 "correlation of the points to align",
@@ -207,6 +214,7 @@ mod tests {
             Degeneracy::CoincidentLandmarks,
             Degeneracy::CommonDirection,
             Degeneracy::AmbiguousResection,
+            Degeneracy::ContradictoryBearings,
             Degeneracy::UncorrelatedPoints,
             Degeneracy::CoincidentStart,
             Degeneracy::CollinearLandmarks,

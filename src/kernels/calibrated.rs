@@ -185,6 +185,19 @@ impl<T: Real> CalibratedTensor<T> {
         Some(Self::from_vector(&Vector6::from(vector), singular_values))
     }
 
+    /// The row of a landmark in the linear system: its product with the vector of [`CalibratedTensor::of_vector`] is the
+    /// left side of (T1).
+    #[cfg(feature = "alloc")]
+    pub(crate) fn row(triple: &Triple<T>) -> [T; 6] {
+        real(products(complex(triple)))
+    }
+
+    /// The tensor of a vector of unit norm, without singular values.
+    #[cfg(feature = "alloc")]
+    pub(crate) fn of_vector(vector: &Vector6<T>) -> Self {
+        Self::from_vector(vector, [T::zero(); 2])
+    }
+
     fn from_vector(v: &Vector6<T>, singular_values: [T; 2]) -> Self {
         Self {
             coefficients: [

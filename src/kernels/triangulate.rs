@@ -55,12 +55,39 @@ where
     I: IntoIterator<Item = (Pose<T>, Bearing<T>), IntoIter: Clone>,
 {
     let sightings = sightings.into_iter();
+    meeting(sightings.map(|(pose, bearing)| LineOfSight::new(&pose, &bearing)))
+}
+
+/// Where a bearing is taken in the map, and its direction there.
+#[derive(Clone, Copy)]
+pub(crate) struct LineOfSight<T: Real> {
+    position: Complex<T>,
+    direction: Complex<T>,
+}
+
+impl<T: Real> LineOfSight<T> {
+    /// The line of a bearing that is taken at a pose.
+    #[inline]
+    pub fn new(pose: &Pose<T>, bearing: &Bearing<T>) -> Self {
+        Self {
+            position: Complex::new(pose.translation.x, pose.translation.y),
+            direction: pose.rotation.into_inner() * bearing.into_inner(),
+        }
+    }
+}
+
+/// [`triangulate`] from lines of sight, which a caller may have gathered: they are iterated several times.
+///
+/// # Errors
+/// As [`triangulate`].
+pub(crate) fn meeting<T: Real>(
+    lines: impl Iterator<Item = LineOfSight<T>> + Clone,
+) -> Result<Triangulation<T>, Error> {
     let mut count = 0_usize;
     let mut centre = Complex::new(T::zero(), T::zero());
-    for (pose, bearing) in sightings.clone() {
-        centre += position(&pose);
-        let ray = ray(&pose, &bearing);
-        if !(ray.norm_sqr() + centre.norm_sqr()).is_finite() {
+    for line in lines.clone() {
+        centre += line.position;
+        if !(line.direction.norm_sqr() + centre.norm_sqr()).is_finite() {
             return Err(Error::NotFinite {
                 what: "rays of a landmark",
                 index: count,
@@ -76,8 +103,8 @@ where
         });
     }
     centre /= T::lit(count as f64);
-    let (first, _) = solve(sightings.clone(), centre, |_| T::one())?;
-    let (offset, parallax) = solve(sightings.clone(), centre, |position| {
+    let (first, _) = solve(lines.clone(), centre, |_| T::one())?;
+    let (offset, parallax) = solve(lines.clone(), centre, |position| {
         let range = (first - position).norm_sqr().sqrt();
         if range > T::zero() {
             T::one() / range
@@ -85,9 +112,9 @@ where
             T::one()
         }
     })?;
-    let behind = sightings
-        .filter(|(pose, bearing)| {
-            let seen = ray(pose, bearing).conj() * (offset - (position(pose) - centre));
+    let behind = lines
+        .filter(|line| {
+            let seen = line.direction.conj() * (offset - (line.position - centre));
             seen.re < T::zero()
         })
         .count();
@@ -101,17 +128,24 @@ where
 
 /// Weighted least squares of `cross(ray, x - position) = 0`, relative to `centre`, and the parallax.
 fn solve<T: Real>(
-    sightings: impl Iterator<Item = (Pose<T>, Bearing<T>)>,
+    lines: impl Iterator<Item = LineOfSight<T>>,
     centre: Complex<T>,
     weight: impl Fn(Complex<T>) -> T,
 ) -> Result<(Complex<T>, T), Error> {
     let mut factor = TriangularFactor::<T, 3>::new();
-    for (pose, bearing) in sightings {
-        let ray = ray(&pose, &bearing);
-        let position = position(&pose) - centre;
+    for LineOfSight {
+        position,
+        direction,
+    } in lines
+    {
+        let position = position - centre;
         let weight = weight(position);
-        let offset = ray.re * position.im - ray.im * position.re;
-        factor.push([-ray.im * weight, ray.re * weight, offset * weight]);
+        let offset = direction.re * position.im - direction.im * position.re;
+        factor.push([
+            -direction.im * weight,
+            direction.re * weight,
+            offset * weight,
+        ]);
     }
     let [[a, b, p], [_, d, q], _] = *factor.rows();
     // Singular values of [[a, b], [0, d]]: their product is |a d|, their squares add to the norm.
@@ -131,14 +165,4 @@ fn solve<T: Real>(
     }
     let y = q / d;
     Ok((Complex::new((p - b * y) / a, y), parallax))
-}
-
-#[inline]
-fn ray<T: Real>(pose: &Pose<T>, bearing: &Bearing<T>) -> Complex<T> {
-    pose.rotation.into_inner() * bearing.into_inner()
-}
-
-#[inline]
-fn position<T: Real>(pose: &Pose<T>) -> Complex<T> {
-    Complex::new(pose.translation.x, pose.translation.y)
 }

@@ -6,7 +6,7 @@ use super::priors::{LandmarkPrior, Odometry, PosePrior, Prior};
 use super::sighting::{IndexedSighting, Sighting};
 use super::subject::Subject;
 use crate::error::Error;
-use crate::geometry::{Pose, signed_angle};
+use crate::geometry::{Bearing, Pose, signed_angle};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -238,6 +238,15 @@ impl Problem {
     /// Whether the standard deviations of the bearings are stated: all of one radian only say that they are equal.
     pub fn states_sigma(&self) -> bool {
         self.sightings.iter().any(|s| s.weight != 1.0)
+    }
+
+    /// The same problem with other bearings.
+    pub(crate) fn with_bearings(&self, bearing: impl Fn(&IndexedSighting) -> Bearing<f64>) -> Self {
+        let mut other = self.clone();
+        for s in &mut other.sightings {
+            s.bearing = bearing(s);
+        }
+        other
     }
 
     /// The same problem without one of the motions and priors.

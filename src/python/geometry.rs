@@ -10,64 +10,60 @@ use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3};
 use pyo3::prelude::*;
 
-/// Estimates and, on request, their uncertainty; NaN where there is no estimate.
+/// Estimates and how well they are known; NaN where there is no estimate.
 #[derive(IntoPyObject)]
 pub struct Fixes<'py> {
     value: Bound<'py, PyArray2<f64>>,
-    covariance: Option<Bound<'py, PyArray3<f64>>>,
-    rms: Option<Bound<'py, PyArray1<f64>>>,
-    sigma0: Option<Bound<'py, PyArray1<f64>>>,
+    covariance: Bound<'py, PyArray3<f64>>,
+    rms: Bound<'py, PyArray1<f64>>,
+    sigma0: Bound<'py, PyArray1<f64>>,
+    p_value: Bound<'py, PyArray1<f64>>,
+    uncertainty: Bound<'py, PyArray1<f64>>,
 }
 
 impl<'py> Fixes<'py> {
-    /// From the estimates and, with `detailed`, the fix of each.
+    /// From the estimates and the fix of each.
     fn new<const N: usize>(
         py: Python<'py>,
         value: Bound<'py, PyArray2<f64>>,
         fixes: &[Option<Fix<N>>],
-        detailed: bool,
     ) -> PyResult<Self> {
         let numbers = |number: fn(&Fix<N>) -> f64| {
-            let all = fixes
-                .iter()
-                .map(|fix| fix.as_ref().map_or(f64::NAN, number));
-            detailed.then(|| PyArray1::from_iter(py, all))
+            let each = |fix: &Option<Fix<N>>| fix.as_ref().map_or(f64::NAN, number);
+            PyArray1::from_iter(py, fixes.iter().map(each))
         };
-        let covariance = if detailed {
-            // Symmetric: the order of columns is that of rows.
-            let entries = fixes.iter().flat_map(|fix| {
-                let entry = move |k: usize| fix.map_or(f64::NAN, |fix| fix.covariance[k]);
-                (0..N * N).map(entry)
-            });
-            let entries: Vec<_> = entries.collect();
-            Some(convert::array3(py, &entries, [fixes.len(), N, N])?)
-        } else {
-            None
-        };
+        // Symmetric: the order of columns is that of rows.
+        let entries = fixes.iter().flat_map(|fix| {
+            let entry = move |k: usize| fix.map_or(f64::NAN, |fix| fix.covariance[k]);
+            (0..N * N).map(entry)
+        });
+        let entries: Vec<_> = entries.collect();
         Ok(Self {
             value,
-            covariance,
+            covariance: convert::array3(py, &entries, [fixes.len(), N, N])?,
             rms: numbers(|fix| fix.rms),
             sigma0: numbers(|fix| fix.sigma0),
+            p_value: numbers(|fix| fix.p_value),
+            uncertainty: numbers(|fix| fix.uncertainty),
         })
     }
 }
 
-/// A requested fix; `None` where the geometry does not determine it.
-fn determined<const N: usize>(fix: Option<Result<Fix<N>, Error>>) -> Result<Option<Fix<N>>, Error> {
+/// A fix; `None` where the geometry does not determine it.
+fn determined<const N: usize>(fix: Result<Fix<N>, Error>) -> Result<Option<Fix<N>>, Error> {
     match fix {
-        Some(Err(error @ (Error::NotPositive { .. } | Error::Magnitude { .. }))) => Err(error),
-        fix => Ok(fix.and_then(Result::ok)),
+        Err(error @ (Error::NotPositive { .. } | Error::Magnitude { .. })) => Err(error),
+        fix => Ok(fix.ok()),
     }
 }
 
-/// Positions of landmarks; with `sigma` \[rad\] also their uncertainty.
+/// Positions of landmarks; NaN where the rays determine none, or contradict each other.
 #[pyfunction]
 pub fn triangulate<'py>(
     py: Python<'py>,
     poses: Floats<'py>,
     bearings: Floats<'py>,
-    sigma: Option<f64>,
+    sigma: f64,
 ) -> PyResult<Fixes<'py>> {
     let poses = convert::finite_poses(py, "poses", &poses)?;
     let (bearings, columns) = convert::table(py, "bearings", &bearings, poses.len())?;
@@ -86,23 +82,28 @@ pub fn triangulate<'py>(
             if found.behind > 0 {
                 return Ok((None, None));
             }
-            let fix = |sigma| Fix::of_landmark(&found.point, rays, sigma);
-            Ok((Some(found.point), determined(sigma.map(fix))?))
+            let fix = determined(Fix::of_landmark(&found.point, rays, sigma))?;
+            let contradicts = fix.is_some_and(|fix| fix.refuse_contradiction().is_err());
+            Ok(if contradicts {
+                (None, None)
+            } else {
+                (Some(found.point), fix)
+            })
         });
         found.collect::<Result<(Vec<_>, Vec<_>), _>>()
     })?;
     let points = convert::points(py, &points);
-    Fixes::new(py, points, &fixes, sigma.is_some())
+    Fixes::new(py, points, &fixes)
 }
 
-/// Poses of the views, the rows of `bearings`; with `sigma` \[rad\] also their uncertainty. A view that cannot be
-/// resected is NaN, or an error if `strict`.
+/// Poses of the views, the rows of `bearings`. A view that cannot be resected, or whose bearings contradict each other, is
+/// NaN, or an error if `strict`.
 #[pyfunction]
 pub fn resect<'py>(
     py: Python<'py>,
     landmarks: Floats<'py>,
     bearings: Floats<'py>,
-    sigma: Option<f64>,
+    sigma: f64,
     strict: bool,
 ) -> PyResult<Fixes<'py>> {
     let points = convert::finite_points(py, "landmarks", &landmarks)?;
@@ -122,13 +123,19 @@ pub fn resect<'py>(
                 Err(error) if strict => return Err(error),
                 Err(_) => return Ok((None, None)),
             };
-            let fix = |sigma| Fix::of_pose(&pose, seen, sigma);
-            Ok((Some(pose), determined(sigma.map(fix))?))
+            let Some(fix) = determined(Fix::of_pose(&pose, seen, sigma))? else {
+                return Ok((Some(pose), None));
+            };
+            match fix.refuse_contradiction() {
+                Ok(fix) => Ok((Some(pose), Some(fix))),
+                Err(error) if strict => Err(error),
+                Err(_) => Ok((None, None)),
+            }
         });
         found.collect::<Result<(Vec<_>, Vec<_>), _>>()
     })?;
     let poses = convert::poses(py, poses.iter().map(Option::as_ref));
-    Fixes::new(py, poses, &fixes, sigma.is_some())
+    Fixes::new(py, poses, &fixes)
 }
 
 #[pyfunction]

@@ -4,7 +4,8 @@
 use super::convert;
 use super::finding::RawFinding;
 use crate::{
-    Covariance, Error, FitTest, GlobalTest, Problem, Progress, Reconstruction, Subject, TestOptions,
+    Certificate, Covariance, Error, FitTest, GlobalTest, Problem, Progress, Reconstruction,
+    Subject, TestOptions,
 };
 use alloc::string::{String, ToString};
 use alloc::vec::Vec;
@@ -24,6 +25,8 @@ pub struct RawReconstruction<'py> {
     explained: Option<usize>,
     sensitivity: f64,
     uncertainty: f64,
+    /// Kind and index.
+    worst: Option<(&'static str, usize)>,
     sigma0: f64,
     p_value: f64,
     findings: Vec<RawFinding>,
@@ -36,6 +39,29 @@ pub struct RawReconstruction<'py> {
     pose_covariance: Option<Bound<'py, PyArray3<f64>>>,
     landmark_covariance: Option<Bound<'py, PyArray3<f64>>>,
     covariance_frame: Option<&'static str>,
+    certificate: Option<RawCertificate>,
+}
+
+/// The contents of the package's `Certificate`.
+#[derive(IntoPyObject)]
+struct RawCertificate {
+    views: Option<[usize; 3]>,
+    cone: f64,
+    cells: usize,
+    verified: bool,
+    message: String,
+}
+
+impl From<Certificate> for RawCertificate {
+    fn from(certificate: Certificate) -> Self {
+        Self {
+            views: certificate.views,
+            cone: certificate.cone,
+            cells: certificate.cells,
+            verified: certificate.verified(),
+            message: certificate.to_string(),
+        }
+    }
 }
 
 /// A reconstruction with its covariances and the tests of its fit and of those of its components.
@@ -132,6 +158,7 @@ impl<'py> RawReconstruction<'py> {
             explained: found.explained,
             sensitivity: found.sensitivity,
             uncertainty: found.uncertainty,
+            worst: found.worst.map(subject),
             sigma0: test.sigma0,
             p_value: test.p_value,
             findings: Vec::new(),
@@ -143,6 +170,7 @@ impl<'py> RawReconstruction<'py> {
             pose_covariance: None,
             landmark_covariance: None,
             covariance_frame: None,
+            certificate: found.certificate.map(RawCertificate::from),
         })
     }
 }

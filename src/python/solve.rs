@@ -23,6 +23,7 @@ pub struct Settings {
     loss: String,
     refinement: RawRefinement,
     robust: bool,
+    verify: bool,
     seed: u64,
 }
 
@@ -149,6 +150,7 @@ impl Settings {
             refine: self.refine_options(py)?,
             seed: self.seed,
             robust: self.robust,
+            verify: self.verify,
             stages: StageOptions::default(),
         })
     }

@@ -1,31 +1,46 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Growth of a map from a few poses by resection and triangulation, and its score.
 
-use crate::geometry::Pose;
-use crate::kernels::{resect, triangulate};
+use crate::geometry::{Bearing, Pose};
+use crate::kernels::{LineOfSight, meeting, resect};
 use crate::problem::{MIN_LANDMARKS_OF_VIEW, MIN_VIEWS_OF_LANDMARK, Map, Problem};
+use alloc::vec::Vec;
+use nalgebra::Point2;
 
 /// Triangulates every landmark that at least two determined views see, replacing any earlier position.
 pub fn triangulate_all(problem: &Problem, map: &mut Map) {
+    // Gathered, because they are iterated several times.
+    let mut rays = Vec::new();
     for landmark in 0..map.landmarks.len() {
-        triangulate_one(problem, map, landmark);
-    }
-}
-
-/// Triangulates one landmark if at least two determined views see it.
-pub fn triangulate_one(problem: &Problem, map: &mut Map, landmark: usize) {
-    let rays = map.rays(problem, landmark);
-    if rays.clone().nth(MIN_VIEWS_OF_LANDMARK - 1).is_some() {
-        let found = triangulate(rays.map(|(pose, s)| (pose, s.bearing)));
-        map.landmarks[landmark] = found.ok().map(|found| found.point);
+        rays.clear();
+        let sightings = map.rays(problem, landmark);
+        rays.extend(sightings.map(|(pose, s)| LineOfSight::new(&pose, &s.bearing)));
+        if rays.len() >= MIN_VIEWS_OF_LANDMARK {
+            let found = meeting(rays.iter().copied());
+            map.landmarks[landmark] = found.ok().map(|found| found.point);
+        }
     }
 }
 
 /// The pose of a view by resection from the landmarks in the map, and its misfit.
 pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f64>, f64)> {
-    let seen = map.seen(problem, view);
-    seen.clone().nth(MIN_LANDMARKS_OF_VIEW - 1)?;
-    let found = resect(seen.map(|(point, s)| (point, s.bearing))).ok()?;
+    resect_from(problem, map, view, &mut Vec::new())
+}
+
+/// As [`resect_view`], with room for the sightings, which are gathered because they are iterated several times.
+fn resect_from(
+    problem: &Problem,
+    map: &Map,
+    view: usize,
+    seen: &mut Vec<(Point2<f64>, Bearing<f64>)>,
+) -> Option<(Pose<f64>, f64)> {
+    seen.clear();
+    let sightings = map.seen(problem, view);
+    seen.extend(sightings.map(|(point, s)| (point, s.bearing)));
+    if seen.len() < MIN_LANDMARKS_OF_VIEW {
+        return None;
+    }
+    let found = resect(seen.iter().copied()).ok()?;
     Some((found.pose, found.misfit))
 }
 
@@ -33,12 +48,13 @@ pub fn resect_view(problem: &Problem, map: &Map, view: usize) -> Option<(Pose<f6
 ///
 /// All landmarks are triangulated again after each round, because more views are then known.
 pub fn grow(problem: &Problem, map: &mut Map) {
+    let mut seen = Vec::new();
     triangulate_all(problem, map);
     loop {
         let mut grown = false;
         for view in 0..map.poses.len() {
             if map.poses[view].is_none()
-                && let Some((pose, _)) = resect_view(problem, map, view)
+                && let Some((pose, _)) = resect_from(problem, map, view, &mut seen)
             {
                 map.poses[view] = Some(pose);
                 grown = true;
@@ -101,7 +117,6 @@ mod tests {
     use super::*;
     use crate::geometry::pose;
     use crate::simulate::{Arena, Layout, simulate};
-    use nalgebra::Point2;
 
     /// A sighting off by the sine of a tenth counts one half, one behind its view nearly one, one without a map one.
     #[test]

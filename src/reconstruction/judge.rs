@@ -101,7 +101,8 @@ pub fn is_as_good(variance: f64, least: f64, ratio: f64, rounding: f64) -> bool 
 /// Counts the degrees of freedom of a final map, and fills in sensitivity and uncertainty.
 pub fn assess(problem: &Problem, found: &mut Reconstruction) {
     found.count_directions(problem);
-    found.sensitivity = sensitivity(problem, &found.map);
+    let weakest = sensitivity(problem, &found.map);
+    (found.sensitivity, found.worst) = (weakest.deviation, weakest.worst);
     if found.freedom > 0 {
         found.uncertainty = found.sensitivity * variance(found).sqrt();
     }

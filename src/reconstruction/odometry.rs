@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! Maps from bearings with odometry and priors.
 
+mod attempts;
 mod choices;
 mod compass;
-mod complete;
+pub(super) mod complete;
 mod far_starts;
 mod frames;
 mod growth;

@@ -72,6 +72,11 @@ pub struct SolveOptions {
     /// bearings: an outlier is a bearing whose residual exceeds three of them. The strategy applies to the
     /// final search over the inliers. [`initialize`](crate::initialize) ignores this option.
     pub robust: bool,
+    /// Verify the map: bound where the tensor of three views is in all maps of lower cost, a cone, and search that cone
+    /// cell by cell. A lower map that is found is returned in its place;
+    /// [`Reconstruction::certificate`](crate::Reconstruction::certificate) tells what was shown. For squared residuals
+    /// only, without `robust`. [`initialize`](crate::initialize) ignores this option.
+    pub verify: bool,
     /// Thresholds of the stages, for experiments: the defaults suit any problem.
     pub stages: StageOptions,
 }
@@ -84,6 +89,7 @@ impl Default for SolveOptions {
             refine: RefineOptions::default(),
             seed: 0,
             robust: false,
+            verify: false,
             stages: StageOptions::default(),
         }
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! The result of a reconstruction.
 
+use super::certificate::Certificate;
 use crate::adjustment::gauge::{gauge_and_prior_numbers, in_reported_frame};
 use crate::adjustment::{Report, cost_of_priors};
 #[cfg(not(feature = "std"))]
@@ -59,6 +60,9 @@ pub struct Reconstruction {
     /// It is linearised at the estimate, so it is too small where the estimate mistakes noise for parallax,
     /// as with landmarks along a wall. NaN when there are no degrees of freedom to estimate the noise from.
     pub uncertainty: f64,
+    /// The view or landmark that moves most in that direction: where it alone is loose, the others may be well known.
+    /// `None` where the sensitivity was not computed.
+    pub worst: Option<Subject>,
     /// Other minima that explain the bearings nearly as well, such as the mirror branch of three
     /// views; best first.
     pub alternatives: Vec<Self>,
@@ -66,6 +70,9 @@ pub struct Reconstruction {
     /// each in a gauge of its own. A landmark may be in several maps. What is `undetermined` in this map
     /// is in none of them.
     pub components: Vec<Self>,
+    /// What the verification has shown; `None` without [`SolveOptions::verify`](crate::SolveOptions::verify), and for
+    /// alternatives and components.
+    pub certificate: Option<Certificate>,
 }
 
 /// Relative difference between the cost of a refinement and that of the map it reports above which the frame has rounded.
@@ -110,8 +117,10 @@ impl Reconstruction {
             undetermined: report.undetermined,
             sensitivity: f64::NAN,
             uncertainty: f64::NAN,
+            worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         }
     }
 }
@@ -250,8 +259,10 @@ mod tests {
             }],
             sensitivity: f64::NAN,
             uncertainty: f64::NAN,
+            worst: None,
             alternatives: Vec::new(),
             components: Vec::new(),
+            certificate: None,
         };
         assert_eq!(
             found.to_string(),

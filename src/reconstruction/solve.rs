@@ -11,6 +11,7 @@ use super::odometry::posterior::solve_posterior;
 use super::options::{Progress, SolveOptions, report_progress};
 use super::result::Reconstruction;
 use super::robust::solve::solve_robust;
+use super::verify::{self, verified};
 use super::{persist, strategy};
 use crate::adjustment::{Report, refine_map};
 use crate::error::Error;
@@ -113,6 +114,9 @@ pub fn refine(
 /// root-mean-square distance of the other views from it is 1. Views and landmarks that the bearings do not
 /// determine are `None` and listed with the reason.
 ///
+/// With [`SolveOptions::verify`] the tensor of three views is confined to a cone in every map of lower cost, a rigorous
+/// bound, and the whole cone is searched at a stated resolution: [`Reconstruction::certificate`].
+///
 /// # Errors
 /// [`Error::BadOption`] for an option of the refinement out of its range; [`Error::TooFew`] for an empty search, below three views or when no three views share five landmarks
 /// (four, where there is a fourth view); [`Error::Degenerate`] when no triple has a solution (all landmarks
@@ -120,8 +124,8 @@ pub fn refine(
 /// wall or circle);
 /// [`Error::OutOfMemory`] as [`refine_map`](crate::refine_map); [`Error::Interrupted`] when `progress` says
 /// so; with [`SolveOptions::robust`], [`Error::SigmaTooLarge`] for a sigma above 0.35 rad and
-/// [`Error::NoConsensus`]. With noise, a degenerate geometry shows in [`Reconstruction::uncertainty`]: look
-/// at it before you trust a map.
+/// [`Error::NoConsensus`]; [`Error::NeedsSquares`] for [`SolveOptions::verify`] with that or with another loss. With
+/// noise, a degenerate geometry shows in [`Reconstruction::uncertainty`]: look at it before you trust a map.
 ///
 /// # Example
 /// ```
@@ -139,6 +143,7 @@ pub fn solve(
     progress: Option<Progress<'_>>,
 ) -> Result<Reconstruction, Error> {
     options.refine.check()?;
+    verify::check(options)?;
     let mut progress = progress;
     let judge = &options.stages.judge;
     let mut best = if !problem.priors().is_empty() {
@@ -157,6 +162,9 @@ pub fn solve(
     };
     if !options.robust {
         best = with_settled_alternatives(problem, best, options, &mut progress)?;
+    }
+    if options.verify {
+        best = verified(problem, best, options, &mut progress)?;
     }
     drop_collapsed_alternatives(problem, &mut best, judge);
     Ok(best)

@@ -20,6 +20,7 @@ use super::odometry::options::{
 use super::robust::options::{IdentityOptions, RegrowthOptions, RobustOptions};
 use super::search::options::{DrawOptions, HypothesisOptions, MinimaOptions, MoveOptions};
 use super::sight::SightOptions;
+use super::verify::options::VerifyOptions;
 
 /// The thresholds, counts and tolerances of the stages of a reconstruction.
 ///
@@ -83,4 +84,6 @@ pub struct StageOptions {
     pub robust_growth: RobustGrowthOptions,
     /// Sweeps along odometry with outliers.
     pub odometry_sweeps: OdometrySweepOptions,
+    /// How a map is verified: [`SolveOptions::verify`](crate::SolveOptions::verify).
+    pub verify: VerifyOptions,
 }

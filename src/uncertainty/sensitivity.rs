@@ -17,13 +17,19 @@ use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{Matrix2, Vector2};
 
-/// How sensitive a refined map is to noise in the direction that the bearings determine least: the
-/// predicted standard deviation of the map over its size, for residuals of one sigma; or that of the
-/// position of a single view, where that is more.
-///
-/// Infinite when the direction is free, up to rounding: above about `1 / (8 sqrt(eps))` per radian
-/// the value is mostly rounding.
-pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
+/// How sensitive a map is to noise, and who most of all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensitivity {
+    /// The predicted standard deviation of the map over its size in the direction that the bearings determine least, for
+    /// residuals of one sigma; or that of the position of a single view, where that is more. Infinite when the direction
+    /// is free, up to rounding: above about `1 / (8 sqrt(eps))` per radian the value is mostly rounding.
+    pub deviation: f64,
+    /// The view or landmark that moves most along it; `None` where nothing is known.
+    pub worst: Option<Subject>,
+}
+
+/// How sensitive a refined map is to noise.
+pub fn sensitivity(problem: &Problem, map: &Map) -> Sensitivity {
     let restricted;
     let active = if map.is_complete() {
         problem
@@ -32,13 +38,33 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
         &restricted
     };
     let bundle = Bundle::from_map(map);
-    if is_sparse(active) {
+    let (deviation, worst) = if is_sparse(active) {
         weakest_of_all(&bundle, active)
     } else if keeps_landmarks(active) {
         weakest_kept::<3, 2>(&bundle, active)
     } else {
         weakest_kept::<2, 3>(&bundle, active)
+    };
+    // Places count among what is in the map.
+    let nth = |place: Place| {
+        let mut all = map.determined().filter(|subject| match place {
+            Place::View(_) => matches!(subject, Subject::View(_)),
+            Place::Landmark(_) => matches!(subject, Subject::Landmark(_)),
+        });
+        let (Place::View(k) | Place::Landmark(k)) = place;
+        all.nth(k)
+    };
+    Sensitivity {
+        deviation,
+        worst: worst.and_then(nth),
     }
+}
+
+/// A view or landmark by its place among those in the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Place {
+    View(usize),
+    Landmark(usize),
 }
 
 /// A sighting over less than this fraction of the map's size is left out. It says little more than that view and
@@ -46,28 +72,45 @@ pub fn sensitivity(problem: &Problem, map: &Map) -> f64 {
 const TOUCHING: f64 = 1e-4;
 
 /// The sensitivity of the views, by the sparse normal equations.
-fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> f64 {
+fn weakest_of_all(bundle: &Bundle, problem: &Problem) -> (f64, Option<Place>) {
     let places = kept_positions::<3>(bundle);
     let size = spread(&places);
     let rows = without_touching(bundle, problem, size, places.len());
     let Some(mut normal) = Normal::new(problem) else {
-        return f64::NAN;
+        return (f64::NAN, None);
     };
     normal.assemble(&rows, &gauge_directions(problem, bundle));
     if !normal.factorize(0.0) {
-        return f64::INFINITY;
+        return (f64::INFINITY, None);
     }
-    let square = |pair: &Eigenpair| {
-        let views = pair.direction.chunks_exact(3).take(places.len());
-        views
-            .map(|step| step[0] * step[0] + step[1] * step[1])
-            .sum::<f64>()
-    };
+    let views = |pair: &Eigenpair| squares::<3>(&pair.direction[..3 * places.len()]);
     let Ok(found) = weakest(&normal, LOOKED_AT, &mut || Ok(())) else {
-        return f64::INFINITY;
+        return (f64::INFINITY, None);
     };
-    let largest = found.iter().map(square).fold(0.0, f64::max);
-    (largest / size).sqrt()
+    let of_each = found.iter().map(|pair| {
+        let squares = views(pair);
+        (squares.iter().sum::<f64>(), largest(&squares))
+    });
+    let most = of_each.fold(
+        (0.0, None),
+        |most, next| {
+            if next.0 > most.0 { next } else { most }
+        },
+    );
+    ((most.0 / size).sqrt(), most.1.map(Place::View))
+}
+
+/// The squared steps of positions in blocks of `K` parameters.
+fn squares<const K: usize>(direction: &[f64]) -> Vec<f64> {
+    let blocks = direction.chunks_exact(K);
+    blocks
+        .map(|block| block[0] * block[0] + block[1] * block[1])
+        .collect()
+}
+
+/// The place of the largest number.
+fn largest(numbers: &[f64]) -> Option<usize> {
+    (0..numbers.len()).max_by(|&a, &b| numbers[a].total_cmp(&numbers[b]))
 }
 
 /// Number of weakest directions among which the one that moves the views most is chosen: weak landmarks may come
@@ -88,7 +131,10 @@ fn without_touching(bundle: &Bundle, problem: &Problem, size: f64, count: usize)
     rows
 }
 
-fn weakest_kept<const E: usize, const K: usize>(bundle: &Bundle, problem: &Problem) -> f64
+fn weakest_kept<const E: usize, const K: usize>(
+    bundle: &Bundle,
+    problem: &Problem,
+) -> (f64, Option<Place>)
 where
     for<'x> GroupedSightings<'x>: Grouped<E, K>,
 {
@@ -101,23 +147,24 @@ where
     };
     let mut schur = Schur::<E, K>::new();
     if !schur.factorize(&grouped, 0.0, &gauge::<K>(bundle)) {
-        return f64::INFINITY;
+        return (f64::INFINITY, None);
     }
-    let direction = weakest_direction(&schur);
-    let square = |block: &[f64]| block[0] * block[0] + block[1] * block[1];
-    let spread = direction
-        .chunks_exact(K)
-        .fold(0.0, |sum, block| sum + square(block));
+    let kept = squares::<K>(&weakest_direction(&schur));
+    let spread = kept.iter().fold(0.0, |sum, square| sum + square);
     // A single view may be weaker than that although all landmarks are well determined. Single landmarks are
     // found by `unbounded_landmarks`.
     let mean = size / (points.len() as f64);
-    let loosest = if E == 3 {
+    if E == 3 {
         let variances = schur.blocks().iter().map(|block| block.position_variance());
-        variances.fold(0.0, f64::max) / mean
-    } else {
-        0.0
-    };
-    (spread / size).max(loosest).sqrt()
+        let variances: Vec<f64> = variances.collect();
+        if let Some(view) = largest(&variances)
+            && variances[view] / mean > spread / size
+        {
+            return ((variances[view] / mean).sqrt(), Some(Place::View(view)));
+        }
+    }
+    let place = largest(&kept).map(if K == 3 { Place::View } else { Place::Landmark });
+    ((spread / size).sqrt(), place)
 }
 
 /// Steps of inverse iteration in [`weakest_direction`]: enough to know its length to a few percent.
@@ -203,9 +250,10 @@ mod tests {
     use crate::simulate::{Arena, Layout, simulate};
     use nalgebra::{DMatrix, Point2};
 
+    type Way = fn(&Bundle, &Problem) -> (f64, Option<Place>);
+
     /// The ways to compute it, each for problems of any size.
-    const WAYS: [fn(&Bundle, &Problem) -> f64; 3] =
-        [weakest_of_all, weakest_kept::<3, 2>, weakest_kept::<2, 3>];
+    const WAYS: [Way; 3] = [weakest_of_all, weakest_kept::<3, 2>, weakest_kept::<2, 3>];
 
     /// A standard deviation over the size of the map: proportional to that of the bearings, and the same in any unit of
     /// length.
@@ -214,11 +262,11 @@ mod tests {
         let scene = simulate(Layout::Mixed, 7, 9, 0.0, 2, Arena::default()).unwrap();
         let problem = |sigma| Problem::dense(7, 9, &scene.bearings, sigma).unwrap();
         let mut bundle = Bundle::from_map(&scene.map());
-        let before = WAYS.map(|way| way(&bundle, &problem(0.01)));
+        let before = WAYS.map(|way| way(&bundle, &problem(0.01)).0);
         for (scale, sigma) in [(1000.0, 0.01), (1e-6, 0.01), (1.0, 0.03)] {
             bundle.scale(scale);
             for (k, (way, before)) in WAYS.iter().zip(before).enumerate() {
-                let ratio = way(&bundle, &problem(sigma)) / before;
+                let ratio = way(&bundle, &problem(sigma)).0 / before;
                 // Not to the last digit: between these units one of them changes by 12 percent.
                 assert!(
                     (ratio / (sigma / 0.01) - 1.0).abs() < 0.25,
@@ -321,9 +369,10 @@ mod tests {
         let points = kept_positions::<2>(&bundle);
         let mean = spread(&points) / points.len() as f64;
         let expected = ((variance[(0, 0)] + variance[(1, 1)]) / mean).sqrt();
-        let found = weakest_kept::<3, 2>(&bundle, &part);
+        let (found, worst) = weakest_kept::<3, 2>(&bundle, &part);
+        assert_eq!(worst, Some(Place::View(0)));
         assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
-        assert!(weakest_kept::<3, 2>(&bundle, &whole) < found);
+        assert!(weakest_kept::<3, 2>(&bundle, &whole).0 < found);
     }
 
     /// Of two views whose rays meet under an angle, a landmark is at infinity when the standard deviation of its range
@@ -357,5 +406,21 @@ mod tests {
                 .unwrap();
             assert_eq!(unbounded_landmarks(&problem, &map, 1.01 * bound), found);
         }
+    }
+
+    /// The one that moves most is named by its index in the problem, whatever is not in the map.
+    #[test]
+    fn the_worst_is_named() {
+        let scene = simulate(Layout::Mixed, 24, 8, 0.0, 2, Arena::default()).unwrap();
+        let mut map = scene.map();
+        let mut bearings = scene.bearings.clone();
+        // View 4 sees no more than three landmarks of the map.
+        bearings[4 * 8 + 4..5 * 8].fill(f64::NAN);
+        map.poses[4] = Some(pose(60.0, 40.0, 0.3));
+        map.poses[1] = None;
+        map.landmarks[0] = None;
+        let problem = Problem::dense(24, 8, &bearings, 0.01).unwrap();
+        assert_eq!(sensitivity(&problem, &map).worst, Some(Subject::View(4)));
+        assert_eq!(sensitivity(&problem, &Map::empty(24, 8)).worst, None);
     }
 }

@@ -2,6 +2,7 @@
 """What is wrong with bearings, by name."""
 
 import copy
+import json
 import pickle
 
 import numpy as np
@@ -133,3 +134,24 @@ def test_command(tmp_path, capsys):
     assert lines[-1].startswith("landmarks: 0 door 0, 1 door 1")
     assert main(["diagnose", str(path), "--sigma-deg", "0"]) == 1
     assert "--sigma-deg" in capsys.readouterr().err
+
+
+def test_command_prints_json(tmp_path, capsys):
+    path = tmp_path / "wall.csv"
+    sightings = bearslam.Sightings(*(index.ravel() for index in np.indices((5, 8))), exact(*wall()).ravel())
+    bearslam.save(bearslam.Problem(sightings, "abcde", [f"door {k}" for k in range(8)]), path)
+    assert main(["diagnose", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert found["determined"] is False
+    assert found["findings"][0]["name"] == "collinear_landmarks"
+    assert found["findings"][0]["landmarks"] == list(range(8))
+    assert found["components"] == [
+        {"views": [0, 1, 2, 3, 4], "landmarks": list(range(8)), "sightings": 40, "freedom": 13}
+    ]
+    assert found["landmark_ids"][3] == "door 3"
+    free = [one for one in found["null_directions"] if one["free"]]
+    assert free
+    assert all(one["deviation"] is None for one in free)
+    assert found["mirror_margin"] is None or found["mirror_margin"] > 1
+    same = bearslam.diagnose(bearslam.load(path)).to_dict()
+    assert {**same, "view_ids": list("abcde"), "landmark_ids": found["landmark_ids"]} == found

@@ -12,7 +12,7 @@ ORDER = """
 
     data.checks data.align data.fix data.maps data.priors
     data.sightings data.problem data.normalize data.options data.request
-    data.finding data.estimate data.doubts
+    data.finding data.certificate data.estimate data.doubts
 
     io.atomic io.bounded io.compression io.endings io.text io.view_names io.information
     io.number_table io.dead_reckoning io.edge_noise

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """A pose from known landmarks."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,36 @@ def test_arguments_are_checked():
             bearslam.resect(LANDMARKS, wrong)
     with pytest.raises(bearslam.InvalidInputError, match="sigma"):
         bearslam.resect(LANDMARKS, bearings_of(POSES), sigma=0.0)
+
+
+def test_clockwise_bearings_are_refused():
+    table = bearings_of(POSES)
+    with pytest.raises(bearslam.DegenerateError, match="counter-clockwise") as raised:
+        bearslam.resect(LANDMARKS, -table[0])
+    assert raised.value.kind == "contradictory_bearings"
+    assert raised.value.value > raised.value.bound
+    table[1] *= -1
+    found = bearslam.resect(LANDMARKS, table, details=True)
+    assert np.isnan(found.value[1]).all()
+    assert np.isnan(found.uncertainty[1])
+    np.testing.assert_allclose(found.value[::2], POSES[::2], atol=1e-12)
+
+
+def test_a_poor_fit_and_a_danger_circle_come_with_warnings():
+    table = bearings_of(POSES)
+    table[1, 2] += 0.15
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        bearslam.resect(LANDMARKS, table)
+        bearslam.resect(LANDMARKS, table, sigma=0.1)
+    with pytest.warns(bearslam.PoorFitWarning, match="1 of 3 views, worst view 1: the residuals are"):
+        bearslam.resect(LANDMARKS, table, sigma=0.01)
+    # A circle of radius 1 through four landmarks, and the view 3 % off it.
+    around = np.array([0.3, 1.1, 2.6, 3.1])
+    landmarks = np.column_stack([np.cos(around), np.sin(around)])
+    away = landmarks - 1.03 * np.array([np.cos(4.6), np.sin(4.6)])
+    bearings = np.arctan2(away[:, 1], away[:, 0])
+    with pytest.warns(bearslam.AmbiguousWarning, match="nearly on one circle"):
+        fix = bearslam.resect(landmarks, bearings, sigma=0.02, details=True)
+    assert fix.uncertainty > 0.2
+    assert fix.p_value > 0.99

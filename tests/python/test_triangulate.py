@@ -100,3 +100,14 @@ def test_arguments_are_checked():
             bearslam.triangulate(POSES, bearings_of(POINTS), sigma=sigma, details=True)
     with pytest.raises(bearslam.InvalidInputError, match="details"):
         bearslam.triangulate(POSES, bearings_of(POINTS), details=1)
+
+
+def test_rays_that_miss_each_other_are_told():
+    exact = bearings_of(POINTS)
+    off = exact.copy()
+    off[0, 0] += 0.1
+    assert np.isfinite(bearslam.triangulate(POSES, off)).all()
+    with pytest.warns(bearslam.PoorFitWarning, match="worst landmark 0"):
+        found = bearslam.triangulate(POSES, off, sigma=0.01, details=True)
+    assert found.p_value[0] < 1e-3
+    assert (found.p_value[1:] > 0.5).all()

@@ -233,3 +233,17 @@ def test_vertices_alone_and_compressed(scene, tmp_path):
         truth = bearslam.load_truth(one, scene.bearings)
         np.testing.assert_array_equal(truth.poses, scene.poses)
         np.testing.assert_array_equal(truth.landmarks, scene.landmarks)
+
+
+def test_a_mirrored_map_is_told_from_a_wrong_one(scene, tmp_path, capsys):
+    truth = tmp_path / "truth.json"
+    save_truth(scene, truth)
+    for name, bearings, mirrored in (
+        ("right", scene.bearings, False),
+        ("clockwise", -scene.bearings, True),
+        ("wrong", bearslam.simulate("enclosed", 6, 9, noise=NOISE, seed=3).bearings, False),
+    ):
+        path = tmp_path / f"{name}.csv"
+        bearslam.save(bearings, path)
+        assert main(["solve", str(path), "--truth", str(truth)]) == 0
+        assert ("the mirror image of the map fits the truth" in capsys.readouterr().err) == mirrored

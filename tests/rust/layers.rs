@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The layers from the bottom up: a file belongs to the longest prefix that fits, and may use its own layer and
 /// those before it.
-const LAYERS: [&str; 49] = [
+const LAYERS: [&str; 52] = [
     "scalar",
     "float",
     "error",
@@ -23,6 +23,7 @@ const LAYERS: [&str; 49] = [
     "adjustment",
     "uncertainty",
     "simulate",
+    "reconstruction/certificate",
     "reconstruction/result",
     "reconstruction/judge",
     "reconstruction/choice",
@@ -34,6 +35,7 @@ const LAYERS: [&str; 49] = [
     "reconstruction/global/options",
     "reconstruction/robust/options",
     "reconstruction/odometry/options",
+    "reconstruction/verify/options",
     "reconstruction/stages",
     "reconstruction/options",
     "reconstruction/attempt",
@@ -50,6 +52,7 @@ const LAYERS: [&str; 49] = [
     "reconstruction/odometry",
     "reconstruction/home",
     "reconstruction/alternatives",
+    "reconstruction/verify",
     "reconstruction/solve",
     "fit",
     "diagnosis/options",

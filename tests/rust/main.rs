@@ -31,3 +31,4 @@ mod start;
 #[cfg(feature = "rayon")]
 mod sweep;
 mod unoriented;
+mod verify;

@@ -177,6 +177,7 @@ fn options_are_read_over_their_defaults() {
         },
         seed: u64::MAX,
         robust: true,
+        verify: true,
         stages: StageOptions {
             odometry_sweeps: OdometrySweepOptions {
                 bounds: [1.0, 2.0, 3.0, 4.0],
@@ -203,6 +204,7 @@ fn options_are_read_over_their_defaults() {
             ..RefineOptions::default()
         },
         robust: false,
+        verify: false,
         seed: 0,
         ..options
     };

@@ -40,6 +40,10 @@ fn problems() -> Vec<(Problem, SolveOptions)> {
         robust: true,
         ..plain
     };
+    let verify = SolveOptions {
+        verify: true,
+        ..plain
+    };
     vec![
         (dense(5, 7), plain),
         (dense(5, 4), plain),
@@ -48,6 +52,7 @@ fn problems() -> Vec<(Problem, SolveOptions)> {
         (tied, plain),
         (wrong, robust),
         (wrong_tied, robust),
+        (dense(5, 9), verify),
     ]
 }
 
@@ -97,6 +102,7 @@ fn stages_use_the_options_of_the_caller() {
         (4, "/odometry_growth/iterations"),
         (5, "/robust/samples"),
         (6, "/robust/sets"),
+        (7, "/verify/cells"),
     ];
     let default = to_value(StageOptions::default()).unwrap();
     let problems = problems();

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,11 +29,16 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
         "diagnose",
         help="report what the bearings determine, what they do not, and why",
         description=DESCRIPTION,
-        epilog="example:\n  bearslam diagnose bearings.csv --sigma-deg 0.5\n",
+        epilog="examples:\n"
+        "  bearslam diagnose bearings.csv --sigma-deg 0.5\n"
+        "  bearslam diagnose bearings.csv --json > found.json\n",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_input(verb)
     verb.add_argument("--unoriented", action="store_true", help="take bearings as lines, known modulo 180 degrees")
+    verb.add_argument(
+        "--json", action="store_true", help="print JSON: the findings, directions and numbers, and all names"
+    )
     verb.set_defaults(run=_run)
 
 
@@ -40,6 +46,10 @@ def _run(options: argparse.Namespace) -> None:
     problem = read_input(options)
     with ProgressLine() as progress:
         diagnosis = diagnose(problem, oriented=not options.unoriented, progress=progress)
+    if options.json:
+        names = {"view_ids": list(problem.view_ids), "landmark_ids": list(problem.landmark_ids)}
+        print(json.dumps({**diagnosis.to_dict(), **names}, indent=2, allow_nan=False))
+        return
     print(diagnosis)
     for line in _names(problem, diagnosis):
         print(line)

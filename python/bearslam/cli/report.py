@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from bearslam.data.estimate import Estimate, outliers, per_sighting
 from bearslam.data.maps import Map, compare
 from bearslam.io.text import printable
 
-__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "percent"]
+__all__ = ["SHOWN", "columns", "describe", "errors", "listing", "name", "percent"]
 
 SHOWN = 20
 """Rows of a listing that are printed; files have all of them."""
@@ -33,19 +34,23 @@ def describe(result: Estimate) -> str:
         f"{'converged' if result.converged else 'not converged'} after {result.iterations} iterations "
         f"({result.termination.replace('_', ' ')})",
     ]
+    if not math.isnan(result.p_value):
+        lines.append(f"sigma0 {result.sigma0:.3g}, p {result.p_value:.2g}, {result.freedom} degrees of freedom")
     if not math.isnan(result.uncertainty):
-        lines.append(f"uncertainty {percent(result.uncertainty)} of the map's size in the least constrained direction")
+        most = "" if result.worst is None else f", of {name(result, *result.worst)} most"
+        share = percent(result.uncertainty)
+        lines.append(f"uncertainty {share} of the map's size in the least constrained direction{most}")
     elif not math.isnan(result.sensitivity):
         lines.append("uncertainty unknown: without redundant sightings the residuals say nothing about the errors")
     if result.covariance_frame is not None:
         lines.append(f"covariances in the frame {result.covariance_frame} ({FRAME[result.covariance_frame]})")
+    if result.certificate is not None:
+        lines.append(str(result.certificate))
     if not result.oriented:
         lines.append("bearings are lines: every heading is known modulo 180 deg only")
     lines += _outliers(result)
     for one in result.undetermined[:SHOWN]:
-        ids = result.view_ids if one.kind == "view" else result.landmark_ids
-        name = one.index if ids is None else ids[one.index]
-        lines.append(f"undetermined: {one.kind} {printable(name)}: {one.reason}")
+        lines.append(f"undetermined: {name(result, one.kind, one.index)}: {one.reason}")
     if len(result.undetermined) > SHOWN:
         lines.append(f"undetermined: ... and {len(result.undetermined) - SHOWN} more")
     lines += [
@@ -74,6 +79,12 @@ def _outliers(result: Estimate) -> list[str]:
         for k in wrong[:SHOWN].tolist()
     ]
     return lines if len(wrong) <= SHOWN else [*lines, f"  ... and {len(wrong) - SHOWN} more"]
+
+
+def name(result: Estimate, kind: Literal["view", "landmark"], index: int) -> str:
+    """A view or landmark as its file calls it."""
+    ids = result.view_ids if kind == "view" else result.landmark_ids
+    return f"{kind} {printable(index if ids is None else ids[index])}"
 
 
 def errors(result: Estimate, truth: Map) -> str:

@@ -12,6 +12,7 @@ from bearslam.cli.console import print_error, same_file, writable
 from bearslam.cli.input import INPUT, add_input, read_input
 from bearslam.cli.report import describe, errors, listing
 from bearslam.cli.warnings import warnings
+from bearslam.data.maps import is_mirrored
 from bearslam.data.options import FRAMES, LOSSES, METHODS, RefineOptions, SearchOptions
 from bearslam.errors import InvalidInputError
 from bearslam.io.endings import RESULTS
@@ -80,6 +81,11 @@ def add(verbs: argparse._SubParsersAction[Any]) -> None:
     verb.add_argument(
         "--robust", action="store_true", help="tolerate outliers: mismatched landmarks, flipped or random bearings"
     )
+    verb.add_argument(
+        "--verify",
+        action="store_true",
+        help="bound the trifocal tensor of three views in all maps of lower cost, and search there cell by cell",
+    )
     verb.add_argument("--unoriented", action="store_true", help="take bearings as lines, known modulo 180 degrees")
     verb.add_argument(
         "--covariance",
@@ -135,6 +141,7 @@ def _run(options: argparse.Namespace) -> None:
             problem,
             oriented=not options.unoriented,
             robust=options.robust,
+            verify=options.verify,
             covariance=options.covariance,
             progress=progress,
             search=SearchOptions(**{field.name: getattr(options, field.name) for field in fields(SearchOptions)}),
@@ -150,6 +157,11 @@ def _run(options: argparse.Namespace) -> None:
     print(describe(result))
     if truth is not None:
         print(errors(result, truth))
+        if is_mirrored(result, truth):
+            print_error(
+                "warning: the mirror image of the map fits the truth: change the signs of the bearings, which count "
+                "counter-clockwise"
+            )
     if options.output is None:
         print("", listing(result), sep="\n")
     for warning in warnings(result, robust=options.robust):

@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
-from bearslam.cli.report import percent
+import math
+
+from bearslam.cli.report import name, percent
 from bearslam.data.doubts import doubts
-from bearslam.data.estimate import Estimate, outliers
+from bearslam.data.estimate import outliers
+from bearslam.errors import BearslamError
+from bearslam.reconstruction import Reconstruction
 
 __all__ = ["warnings"]
 
@@ -13,17 +17,32 @@ MANY = 1 / 3
 """Share of outliers above which a robust map is no longer to be trusted."""
 DOUBTFUL = 0.2
 """Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
+ROUGH = 0.1
+"""Expected error of the landmarks up to which no more than the worst view or landmark is doubtful then."""
 
 
-def warnings(result: Estimate, *, robust: bool) -> list[str]:
+def warnings(result: Reconstruction, *, robust: bool) -> list[str]:
     """Reasons not to trust a map."""
     found = [message for _, message in doubts(result)]
     wrong = outliers(result).mean()
     if robust and wrong > MANY:
         found.append(f"{percent(wrong)} of the bearings are outliers; --robust tolerates a third")
-    if result.uncertainty > DOUBTFUL:
+    if result.uncertainty > DOUBTFUL and result.worst is not None and (known := _expected_error(result)) < ROUGH:
+        worst = name(result, *result.worst)
+        found.append(
+            f"{worst} is badly held: residuals as large as these leave it uncertain by {percent(result.uncertainty)} "
+            f"of the size of the map, but the landmarks by {percent(known)} on average; add sightings to it"
+        )
+    elif result.uncertainty > DOUBTFUL:
         found.append(
             "the bearings hardly determine this map: residuals as large as these leave it uncertain by "
             f"{percent(result.uncertainty)} of its size; add sightings of other landmarks or from other places"
         )
     return found
+
+
+def _expected_error(result: Reconstruction) -> float:
+    try:
+        return result.expected_error
+    except (BearslamError, MemoryError):
+        return math.inf

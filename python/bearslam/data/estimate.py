@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bearslam.data.certificate import Certificate
 from bearslam.data.checks import FloatArray
 from bearslam.data.finding import Finding
 from bearslam.data.options import CovarianceFrame, Settings
@@ -80,6 +81,10 @@ class Estimate:
         determine the map, however well it explains them. It is evaluated at the map: where noise was mistaken for
         parallax, as with landmarks along a wall, it is too small. NaN without degrees of freedom to estimate the noise
         from.
+    worst : (str, int), or None
+        The view or landmark that moves most in that direction, such as ("view", 17). One view that is badly held makes
+        a map uncertain whose rest may be well known; `expected_error` says how well. None where the sensitivity was not
+        computed.
     sigma0 : float
         A-posteriori standard deviation of unit weight: root mean square of the residuals over their standard
         deviations, per degree of freedom; 1 where the stated standard deviations are right. With ``robust=True`` and
@@ -88,8 +93,9 @@ class Estimate:
         Probability that errors of the stated standard deviations leave residuals as large as these (chi-square test).
         NaN without degrees of freedom, without a stated `sigma`, and with the losses "huber" and "cauchy".
     findings : tuple of Finding
-        What the test of the fit says: "poor_fit", "blunder" and "weak_consensus" are warnings, "understated_sigma" and
-        "overstated_sigma" notes. Empty for alternatives, before refinement, and without a stated `sigma`.
+        What the test of the fit says: "poor_fit", "blunder", "turned_bearings", "mirrored_bearings" and
+        "weak_consensus" are warnings, "understated_sigma" and "overstated_sigma" notes. Empty for alternatives, before
+        refinement, and without a stated `sigma`.
     converged : bool
         Whether the refinement ended in a minimum. False without a refinement.
     termination : str
@@ -125,6 +131,8 @@ class Estimate:
         The same for each landmark (x, y).
     covariance_frame : {"first_view", "free_network", "priors"}, or None
         Gauge in which the covariances are stated, without which they mean nothing; see `solve`.
+    certificate : Certificate, or None
+        What the verification has shown. None without ``verify=True``, and for alternatives and components.
     oriented : bool
         Whether bearings were taken as rays. If False they are lines, and each heading is known modulo pi only: it is
         given in (-pi/2, pi/2], unless odometry or priors resolve it.
@@ -135,7 +143,7 @@ class Estimate:
     view_ids, landmark_ids : tuple of str, or None
         Names of views and landmarks in the file that the problem was read from.
     settings : Settings
-        How it was found: method, search, loss, refinement, robust and seed.
+        How it was found: method, search, loss, refinement, robust, seed and verify.
     """
 
     poses: FloatArray
@@ -154,6 +162,7 @@ class Estimate:
     freedom: int
     explained: int | None
     inliers: NDArray[np.bool_]
+    worst: tuple[Literal["view", "landmark"], int] | None = None
     undetermined: tuple[Undetermined, ...] = ()
     findings: tuple[Finding, ...] = ()
     alternatives: tuple[Estimate, ...] = ()
@@ -161,6 +170,7 @@ class Estimate:
     pose_covariance: FloatArray | None = None
     landmark_covariance: FloatArray | None = None
     covariance_frame: CovarianceFrame | None = None
+    certificate: Certificate | None = None
     oriented: bool = True
     odometry: Odometry | None = None
     pose_priors: PosePriors | None = None

@@ -13,7 +13,7 @@ from bearslam.data.align import Similarity, align, wrap
 from bearslam.data.checks import FloatArray, floats, posed
 from bearslam.errors import InvalidInputError
 
-__all__ = ["Errors", "HasMap", "Map", "MapLike", "compare", "pick", "register"]
+__all__ = ["Errors", "HasMap", "Map", "MapLike", "compare", "is_mirrored", "pick", "register"]
 
 
 class HasMap(Protocol):
@@ -97,6 +97,21 @@ def compare(estimate: MapLike, truth: MapLike) -> Errors:
     compared = target.landmarks[np.isfinite(landmarks).all(axis=1)]
     around = compared - compared.mean(axis=0) if len(compared) else compared
     return Errors(_rms(views[:, :2]), _rms(landmarks), _rms(wrap(views[:, 2:])), _rms(around))
+
+
+CLOSER = 0.2
+"""Share of the errors of a map that its mirror image may have to be called the right one; those of maps that are
+merely inaccurate have more."""
+
+
+def is_mirrored(estimate: HasMap, truth: Map) -> bool:
+    """Whether the mirror image of a map, which explains the same bearings counted clockwise, is closer to the truth."""
+    mirror = Map(estimate.poses * (1.0, -1.0, -1.0), estimate.landmarks * (1.0, -1.0))
+    places = [
+        np.hypot(*np.nan_to_num((found.position, found.landmark)))
+        for found in (compare(mirror, truth), compare(estimate, truth))
+    ]
+    return bool(places[0] < CLOSER * places[1])
 
 
 def _rms(rows: FloatArray) -> float:

@@ -128,6 +128,7 @@ class Settings:
     refinement: RefineOptions = field(default_factory=RefineOptions)
     robust: bool = False
     seed: int = 0
+    verify: bool = False
 
     def __post_init__(self) -> None:
         choice("method", self.method, METHODS)
@@ -140,6 +141,12 @@ class Settings:
                 f"{quote(self.refinement.loss_scale)}"
             )
         object.__setattr__(self, "robust", flag("robust", self.robust))
+        object.__setattr__(self, "verify", flag("verify", self.verify))
+        if self.verify and (self.robust or self.loss != "squared"):
+            rival = "robust=True" if self.robust else f"loss={self.loss!r}"
+            raise InvalidInputError(
+                f"verify: expected False with {rival}, since the bound is one of the squared residuals of all bearings"
+            )
         object.__setattr__(self, "seed", whole("seed", self.seed, 0, SEED_LIMIT))
 
     @property

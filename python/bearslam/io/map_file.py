@@ -64,6 +64,7 @@ def as_json(result: Estimate) -> str:
             **_summary(result),
             "oriented": result.oriented,
             "covariance_frame": result.covariance_frame,
+            "certificate": _certificate(result),
             **_map(result, result.view_ids, result.landmark_ids, result.pose_covariance, result.landmark_covariance),
             "undetermined": [
                 {
@@ -115,6 +116,7 @@ def _summary(result: Estimate) -> dict[str, object]:
         "rms": _number(result.rms),
         "sensitivity": _number(result.sensitivity),
         "uncertainty": _number(result.uncertainty),
+        "worst": _worst(result),
         "sigma0": _number(result.sigma0),
         "p_value": _number(result.p_value),
         "findings": [asdict(one) for one in result.findings],
@@ -123,6 +125,21 @@ def _summary(result: Estimate) -> dict[str, object]:
         "iterations": result.iterations,
         "freedom": result.freedom,
     }
+
+
+def _certificate(result: Estimate) -> dict[str, object] | None:
+    certificate = result.certificate
+    if certificate is None:
+        return None
+    views = None if certificate.views is None else [_id(result.view_ids, i) for i in certificate.views]
+    return {**asdict(certificate), "views": views, "cone": _number(certificate.cone)}
+
+
+def _worst(result: Estimate) -> dict[str, object] | None:
+    if result.worst is None:
+        return None
+    kind, index = result.worst
+    return {"kind": kind, "id": _id(result.view_ids if kind == "view" else result.landmark_ids, index)}
 
 
 def _map(

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+import math
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from typing import Any, Literal, TypeAlias, cast
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from bearslam import _core
@@ -137,9 +139,37 @@ class Diagnosis:
     def __str__(self) -> str:
         return self._text
 
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as numbers, strings, lists and dicts, for `json.dumps`; what is not a finite number is None.
+
+        Examples
+        --------
+        >>> import json
+        >>> import bearslam
+        >>> scene = bearslam.simulate("mixed", 6, 9, noise=0.01, seed=7)
+        >>> found = json.loads(json.dumps(bearslam.diagnose(scene.bearings, sigma=0.01).to_dict()))
+        >>> found["determined"], found["components"][0]["freedom"]
+        (True, 22)
+        """
+        members = {field.name: getattr(self, field.name) for field in fields(self) if not field.name.startswith("_")}
+        return cast("dict[str, Any]", _plain(members))
+
     def __repr__(self) -> str:
         names = ", ".join(finding.name for finding in self.findings) or "no findings"
         return f"<Diagnosis: {'determined' if self.determined else 'not determined'}; {names}>"
+
+
+def _plain(value: object) -> object:
+    """A value in terms of JSON."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return _plain(asdict(value))
+    if isinstance(value, dict):
+        return {name: _plain(member) for name, member in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(member) for member in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def diagnose(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from bearslam import _core
 from bearslam.data.checks import FloatArray, angles, check_magnitudes, flag, floats, plain, spread
-from bearslam.data.fix import Fix, fix_from_core
+from bearslam.data.fix import Fix, fix_from_core, warn_of_doubts
 from bearslam.errors import InvalidInputError
 
 __all__ = ["resect"]
@@ -18,15 +18,17 @@ __all__ = ["resect"]
 
 @overload
 def resect(
-    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[False] = False
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: Literal[False] = False
 ) -> FloatArray: ...
 @overload
-def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[True]) -> Fix: ...
+def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: Literal[True]) -> Fix: ...
 @overload
 def resect(
-    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: bool = False
 ) -> FloatArray | Fix: ...
-def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False) -> FloatArray | Fix:
+def resect(
+    landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: bool = False
+) -> FloatArray | Fix:
     """Pose of one view, or of each of several, from bearings to known landmarks, by linear least squares.
 
     Solves (u1 y - u2 x) c + (u1 x + u2 y) s - u2 t1 + u1 t2 = 0 for all landmarks (x, y) at once, u = (cos, sin) of the
@@ -40,8 +42,9 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     bearings : (n,) or (m, n) array_like of float
         Direction to each landmark in the frame of one view, or of each of m [rad]; NaN where it was not seen. A view
         needs at least three.
-    sigma : float, default 1
-        Standard deviation of a bearing, at most pi [rad]; only the details depend on it.
+    sigma : float, optional
+        Standard deviation of a bearing, at most pi [rad]; only covariances and warnings depend on it. If it is not
+        given, or 1 and more, the covariances are for one radian, and the fit is not tested.
     details : bool, default False
         Whether to return covariances and residuals as well.
 
@@ -49,7 +52,8 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     -------
     (3,) or (m, 3) ndarray, or Fix
         Position and heading (x, y, theta) of each view in the map frame [length, rad]; of several, NaN for one that
-        cannot be resected. With `details` a `Fix`: poses, covariances, residuals.
+        cannot be resected, or whose bearings contradict each other. With `details` a `Fix`: poses, covariances,
+        residuals.
 
     Raises
     ------
@@ -57,7 +61,16 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
         If shapes do not match, a number is not finite or too large, an angle is most likely in degrees, `sigma` is not
         above 0, or the only view has seen fewer than three landmarks.
     DegenerateError
-        If more than one pose fits the only view: it is on one circle with its landmarks, or they coincide.
+        If more than one pose fits the only view: it is on one circle with its landmarks, or they coincide. Or if none
+        does: its residuals are above 0.35 rad, root mean square, as those of clockwise bearings are.
+
+    Warns
+    -----
+    PoorFitWarning
+        If `sigma` is given and residuals are more than half as large again as it predicts, and not by chance.
+    AmbiguousWarning
+        If a position is uncertain by more than a fifth of its range: the view is nearly on one circle with its
+        landmarks.
 
     References
     ----------
@@ -86,7 +99,7 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
     table = plain("bearings", bearings)
     single = table.ndim == 1
     directions = angles("bearings", table, (len(points),) if single else ("m", len(points)), missing=True)
-    deviation = spread("sigma", sigma, above=True)
+    deviation = 1.0 if sigma is None else spread("sigma", sigma, above=True)
     detailed = flag("details", details)
     rows = directions[None] if single else directions
     seen = np.flatnonzero(np.isfinite(rows).any(axis=0))
@@ -97,7 +110,8 @@ def resect(landmarks: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, det
         raise InvalidInputError(
             f"landmarks[{index}, {axis}]: expected a finite number for a landmark that was seen, got nan"
         )
-    raw = _core.resect(points[seen], rows[:, seen], deviation if detailed else None, single)
+    raw = _core.resect(points[seen], rows[:, seen], deviation, single)
+    warn_of_doubts(raw, "view", single=single)
     if detailed:
         return fix_from_core(raw, single=single)
     return raw["value"][0] if single else raw["value"]

@@ -9,23 +9,25 @@ from numpy.typing import ArrayLike
 
 from bearslam import _core
 from bearslam.data.checks import FloatArray, angles, check_magnitudes, flag, plain, posed, spread
-from bearslam.data.fix import Fix, fix_from_core
+from bearslam.data.fix import Fix, fix_from_core, warn_of_doubts
 
 __all__ = ["triangulate"]
 
 
 @overload
 def triangulate(
-    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[False] = False
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: Literal[False] = False
 ) -> FloatArray: ...
 @overload
-def triangulate(poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: Literal[True]) -> Fix: ...
+def triangulate(
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: Literal[True]
+) -> Fix: ...
 @overload
 def triangulate(
-    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: bool = False
 ) -> FloatArray | Fix: ...
 def triangulate(
-    poses: ArrayLike, bearings: ArrayLike, *, sigma: float = 1.0, details: bool = False
+    poses: ArrayLike, bearings: ArrayLike, *, sigma: float | None = None, details: bool = False
 ) -> FloatArray | Fix:
     """Positions of landmarks from bearings at known poses, by linear least squares.
 
@@ -35,8 +37,9 @@ def triangulate(
         Position and heading (x, y, theta) of each view in the map frame, theta within one turn [length, rad]; m >= 2.
     bearings : (m,) or (m, n) array_like of float
         Direction to one landmark, or to each of n, in the frame of each view [rad]; NaN where it was not seen.
-    sigma : float, default 1
-        Standard deviation of a bearing, at most pi [rad]; only the details depend on it.
+    sigma : float, optional
+        Standard deviation of a bearing, at most pi [rad]; only covariances and warnings depend on it. If it is not
+        given, or 1 and more, the covariances are for one radian, and the fit is not tested.
     details : bool, default False
         Whether to return covariances and residuals as well.
 
@@ -44,13 +47,21 @@ def triangulate(
     -------
     (2,) or (n, 2) ndarray, or Fix
         Positions in the map frame [length]. NaN for a landmark that the rays do not determine: fewer than two rays,
-        parallel rays, or lines that intersect behind a view. With `details` a `Fix`: positions, covariances, residuals.
+        parallel rays, lines that intersect behind a view, or residuals above 0.35 rad, root mean square. With `details`
+        a `Fix`: positions, covariances, residuals.
 
     Raises
     ------
     InvalidInputError
         If shapes do not match, a number is not finite or too large, an angle is most likely in degrees, or `sigma` is
         not above 0.
+
+    Warns
+    -----
+    PoorFitWarning
+        If `sigma` is given and residuals are more than half as large again as it predicts, and not by chance.
+    AmbiguousWarning
+        If a position is uncertain by more than a fifth of its range: the rays are nearly parallel.
 
     References
     ----------
@@ -77,10 +88,11 @@ def triangulate(
     table = plain("bearings", bearings)
     single = table.ndim == 1
     directions = angles("bearings", table, (len(known),) if single else (len(known), "n"), missing=True)
-    deviation = spread("sigma", sigma, above=True)
+    deviation = 1.0 if sigma is None else spread("sigma", sigma, above=True)
     detailed = flag("details", details)
     columns = directions[:, None] if single else directions
-    raw = _core.triangulate(known, columns, deviation if detailed else None)
+    raw = _core.triangulate(known, columns, deviation)
+    warn_of_doubts(raw, "landmark", single=single)
     if detailed:
         return fix_from_core(raw, single=single)
     return raw["value"][0] if single else raw["value"]

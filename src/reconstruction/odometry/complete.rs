@@ -35,6 +35,26 @@ pub fn complete(
     }
 }
 
+/// What completes the maps of one problem.
+pub struct Completion {
+    known: Known,
+    motions: Motions,
+}
+
+impl Completion {
+    pub fn of(problem: &Problem) -> Self {
+        Self {
+            known: Known::of(problem),
+            motions: Motions::new(problem),
+        }
+    }
+
+    /// As [`complete`].
+    pub fn complete(&self, problem: &Problem, options: &IncrementalOptions, map: &mut Map) {
+        complete(problem, options, &self.known, &self.motions, map);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -437,9 +437,9 @@ fn closest(problem: &Problem, map: &Map, pieces: &[Piece]) -> Vec<(usize, Vec<Sh
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::grow::triangulate_one;
     use super::super::frames::laid_over;
     use super::*;
+    use crate::kernels::triangulate;
     use crate::problem::{Noise, Odometry, PosePrior};
     use crate::simulate::{Arena, Layout, Scene, simulate};
     use nalgebra::Point2;
@@ -465,7 +465,9 @@ mod tests {
 
         fn place_landmarks(&mut self, map: &mut Map, stays: &dyn Fn(usize) -> bool) {
             for landmark in (0..map.landmarks.len()).filter(|&landmark| !stays(landmark)) {
-                triangulate_one(self.problem, map, landmark);
+                let rays = map.rays(self.problem, landmark);
+                let found = triangulate(rays.map(|(pose, s)| (pose, s.bearing)));
+                map.landmarks[landmark] = found.ok().map(|found| found.point);
             }
         }
 

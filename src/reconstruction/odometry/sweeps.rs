@@ -90,9 +90,11 @@ fn swept(problem: &Problem, motions: &Motions, map: &Map, backward: bool, steps:
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::robust::consensus::{OUTLIER, cost};
     use super::*;
     use crate::problem::{Noise, Odometry};
     use crate::simulate::{Arena, Layout, simulate};
+    use rand::SeedableRng;
 
     /// Placed again from either end, the views of an exact map come to where they were; the end keeps its pose.
     #[test]
@@ -131,5 +133,66 @@ mod tests {
             let missing = found.poses.iter().filter(|pose| pose.is_none()).count();
             assert_eq!(missing, 0, "{backward}");
         }
+    }
+
+    /// The fixed point of a drive of eight views, with what changes its map, and options with which only sweeps or bounds do.
+    fn drive(change: impl Fn(&mut Map)) -> (Problem, Consensus, Consensus, SolveOptions) {
+        let scene = simulate(Layout::Trajectory, 8, 20, 0.01, 3, Arena::default()).unwrap();
+        let problem = Problem::dense(8, 20, &scene.bearings, 0.01).unwrap();
+        let odometry = scene.odometry([0.05, 0.05, 0.02], 1).unwrap();
+        let problem = problem.with_odometry(&odometry).unwrap();
+        let mut options = SolveOptions::default();
+        let truth = scene.map();
+        let least = cauchy_consensus(&problem, truth, f64::INFINITY, &options);
+        let least = least.unwrap().unwrap();
+        let mut map = least.map.clone();
+        change(&mut map);
+        let start = Consensus {
+            inliers: inliers(&problem, &map, OUTLIER),
+            cost: cost(&problem, &map, OUTLIER),
+            map,
+            report: least.report.clone(),
+        };
+        options.stages.robust.reassign_rounds = 0;
+        options.stages.odometry_sweeps.rounds = 0;
+        // Of no sighting.
+        options.stages.odometry_sweeps.bounds = [0.0; 4];
+        (problem, least, start, options)
+    }
+
+    fn lowered(problem: &Problem, start: &Consensus, options: &SolveOptions) -> f64 {
+        let mut random = ChaCha8Rng::seed_from_u64(0);
+        let found = sweep_odometry(problem, start.clone(), options, &mut random, &mut None);
+        found.unwrap().cost
+    }
+
+    /// The second half of a drive that lies apart is swept to the first, also by a single round.
+    #[test]
+    fn a_sweep_lowers_the_cost() {
+        let (problem, least, start, mut options) = drive(|map| {
+            for pose in map.poses[4..].iter_mut().flatten() {
+                pose.translation.vector.x += 1.0;
+            }
+        });
+        assert!(start.cost > 2.0 * least.cost);
+        assert_eq!(lowered(&problem, &start, &options), start.cost);
+        options.stages.odometry_sweeps.rounds = 1;
+        let found = lowered(&problem, &start, &options);
+        assert!((found / least.cost - 1.0).abs() < 1e-6, "{found}");
+    }
+
+    /// The sightings of a view that is turned by five standard deviations come back with a wider bound.
+    #[test]
+    fn a_wider_bound_readmits_what_was_pushed_out() {
+        let (problem, least, start, mut options) = drive(|map| {
+            let last = map.poses[7].as_mut().unwrap();
+            last.rotation *= nalgebra::UnitComplex::new(0.05);
+        });
+        let lost = start.inliers.iter().filter(|inlier| !**inlier).count();
+        assert!(lost > 10 && start.cost > 1.5 * least.cost, "{lost}");
+        assert_eq!(lowered(&problem, &start, &options), start.cost);
+        options.stages.odometry_sweeps.bounds = [0.0, 9.0, 0.0, 0.0];
+        let found = lowered(&problem, &start, &options);
+        assert!((found / least.cost - 1.0).abs() < 1e-6, "{found}");
     }
 }

@@ -218,3 +218,54 @@ fn joined(
     }
     Ok(None)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lm::Termination;
+    use crate::simulate::{Arena, Layout, Outliers, simulate};
+    use rand::SeedableRng;
+
+    /// A component is the lowest of what seeds lead to, refined to the end, and counts all sightings, those of views that
+    /// are not free as outliers.
+    #[test]
+    fn a_component_is_the_lowest_that_seeds_lead_to() {
+        let arena = Arena {
+            sight: 2.0,
+            ..Arena::default()
+        };
+        let sigma = 0.5_f64.to_radians();
+        let mut options = SolveOptions::default();
+        options.stages.regrowth.work = 0;
+        let mut later = 0;
+        for seed in 0..12 {
+            let scene = simulate(Layout::Trajectory, 12, 30, sigma, seed, arena).unwrap();
+            let (scene, _) = scene.contaminate(Outliers::Mixture, 0.1, seed);
+            let problem = Problem::dense(12, 30, &scene.bearings, sigma).unwrap();
+            let random = || ChaCha8Rng::seed_from_u64(1);
+            let seeds = seeds(&problem, &options, &mut random(), &mut None).unwrap();
+            let free: Vec<bool> = (0..12).map(|view| view < 10 || seed % 2 == 0).collect();
+            let own: Vec<bool> = problem.sightings().iter().map(|s| free[s.view]).collect();
+            let own = problem.subset(&own);
+            let found = from_seeds(&own, &options, &seeds, &free, &mut random(), &mut None);
+            let costs: Vec<f64> = found.unwrap().iter().map(|found| found.cost).collect();
+            let best = component(&problem, &options, &seeds, &free, &mut random(), &mut None);
+            let Some(best) = best.unwrap() else {
+                assert!(costs.is_empty(), "{seed}");
+                continue;
+            };
+            let least = costs.iter().copied().fold(f64::INFINITY, f64::min);
+            later += usize::from(costs[0] > least * 1.001);
+            assert_ne!(best.report.termination, Termination::MaxIterations);
+            assert!(
+                cost(&own, &best.map, OUTLIER) < least * (1.0 + 1e-9),
+                "{seed}"
+            );
+            assert_eq!(best.cost, cost(&problem, &best.map, OUTLIER));
+            assert_eq!(best.inliers.len(), problem.sightings().len());
+            let pairs = problem.sightings().iter().zip(&best.inliers);
+            assert!(pairs.into_iter().all(|(s, inlier)| free[s.view] || !inlier));
+        }
+        assert!(later > 0);
+    }
+}

@@ -97,9 +97,12 @@ fn moves_of_landmarks(
 ) -> Vec<Move> {
     let MoveOptions { off, away, .. } = *options;
     let mut moves = Vec::new();
+    let mut gathered = Vec::new();
     for (landmark, point) in map.landmarks.iter().enumerate() {
         let Some(point) = point else { continue };
-        let rays = map.rays(problem, landmark);
+        gathered.clear();
+        gathered.extend(map.rays(problem, landmark));
+        let rays = gathered.iter().copied();
         let cost = |place: &Point2<f64>, but: Option<usize>, bound: f64| {
             let rays = rays.clone().filter(|(_, s)| Some(s.view) != but);
             let residuals = rays.map(|(pose, s)| problem.residual(&pose, place, s) * s.weight);

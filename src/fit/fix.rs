@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How well a landmark is known from given poses, or a pose from given landmarks.
 
+use super::distributions::upper_tail;
 use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
 use crate::float::Float;
@@ -44,7 +45,19 @@ pub struct Fix<const N: usize> {
     /// Standard deviation of unit weight: root of the sum of `(r / sigma)^2` over the redundancy, the number of
     /// sightings minus `N`. About 1 if `sigma` is right; NaN without redundancy.
     pub sigma0: f64,
+    /// The probability that errors of the standard deviation `sigma` leave residuals as large as these (chi-square
+    /// test); NaN without redundancy.
+    pub p_value: f64,
+    /// Standard deviation of the position in its least determined direction as a share of the root-mean-square range,
+    /// for residuals of one `sigma`, or as large as they are if that is more. Above about 0.2 the linearisation is
+    /// unreliable: rays are nearly parallel, or a view is nearly on one circle with its landmarks, the danger circle,
+    /// which noise may hide.
+    pub uncertainty: f64,
 }
+
+/// Residuals \[rad\], root mean square, above which bearings contradict each other rather than being noisy: twenty degrees,
+/// as for [`Error::SigmaTooLarge`].
+const CONTRADICTION: f64 = 0.35;
 
 impl Fix<2> {
     /// The fix of a landmark at `point` from rays: known poses, and the bearing measured at each.
@@ -105,6 +118,21 @@ fn weight(sigma: f64) -> Result<f64, Error> {
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
 
 impl<const N: usize> Fix<N> {
+    /// Refuses a position that the bearings contradict.
+    ///
+    /// # Errors
+    /// [`Error::Degenerate`] for residuals of more than twenty degrees, root mean square.
+    pub fn refuse_contradiction(self) -> Result<Self, Error> {
+        if self.rms > CONTRADICTION {
+            return Err(Error::Degenerate {
+                kind: Degeneracy::ContradictoryBearings,
+                value: self.rms,
+                bound: CONTRADICTION,
+            });
+        }
+        Ok(self)
+    }
+
     /// From derivatives and residuals, both over sigma.
     fn of_rows(
         rows: impl Iterator<Item = ([f64; N], f64)>,
@@ -113,7 +141,7 @@ impl<const N: usize> Fix<N> {
         kind: Degeneracy,
     ) -> Result<Self, Error> {
         let mut information = SMatrix::<f64, N, N>::zeros();
-        let (mut squares, mut count) = (0.0, 0_usize);
+        let (mut squares, mut ranges, mut count) = (0.0, 0.0, 0_usize);
         for (derivative, residual) in rows {
             let row = SVector::from(derivative);
             if !(row.norm_squared() + residual).is_finite() {
@@ -121,6 +149,8 @@ impl<const N: usize> Fix<N> {
             }
             information += row * row.transpose();
             squares += residual * residual;
+            // The bearing changes by one over the range with a step across the ray.
+            ranges += weight * weight / (row[0] * row[0] + row[1] * row[1]);
             count += 1;
         }
         if count < N {
@@ -146,13 +176,30 @@ impl<const N: usize> Fix<N> {
         if !(pivot > SINGULAR) {
             return Err(singular(pivot));
         }
+        let covariance = scale * factor.inverse() * scale;
+        let redundancy = count - N;
+        let is_stated = weight > 1.0;
+        let freedom = redundancy as f64;
+        let sigma0 = if redundancy > 0 {
+            (squares / freedom).sqrt()
+        } else {
+            f64::NAN
+        };
+        // The larger eigenvalue of the covariance of the position.
+        let (xx, xy, yy) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
+        let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let largest = mean + (half * half + xy * xy).sqrt();
         Ok(Self {
-            covariance: scale * factor.inverse() * scale,
+            covariance,
             rms: (squares / count as f64).sqrt() / weight,
-            sigma0: match count - N {
-                0 => f64::NAN,
-                redundancy => (squares / redundancy as f64).sqrt(),
+            sigma0,
+            p_value: if is_stated && redundancy > 0 {
+                upper_tail(squares, freedom)
+            } else {
+                f64::NAN
             },
+            uncertainty: (largest * count as f64 / ranges).sqrt()
+                * if is_stated { sigma0.max(1.0) } else { sigma0 },
         })
     }
 }
@@ -325,5 +372,50 @@ mod tests {
         let lost = Point2::new(f64::NAN, 0.0);
         let refused = Fix::of_landmark(&lost, seen, SIGMA);
         assert!(matches!(refused, Err(Error::NotFinite { .. })));
+    }
+
+    /// The test of residuals, and the uncertainty as a share of the range, are those of the covariance and of chi-square.
+    #[test]
+    fn a_fix_is_tested_and_says_how_uncertain_it_is() {
+        let (truth, seen) = sightings();
+        let fix = |sigma: f64, seen: &Bearings<Point2<f64>>| {
+            let pose = resect(seen.iter().copied()).unwrap().pose;
+            Fix::of_pose(&pose, seen.iter().copied(), sigma).unwrap()
+        };
+        let exact = fix(SIGMA, &seen);
+        assert!(exact.p_value > 0.999);
+        let position = exact.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        let largest = position.symmetric_eigenvalues().max().sqrt();
+        let squares = seen
+            .iter()
+            .map(|(point, _)| (point - truth.translation.vector).coords.norm_squared());
+        let range = (squares.sum::<f64>() / 5.0).sqrt();
+        assert!((exact.uncertainty * range / largest - 1.0).abs() < 1e-9);
+        // Two degrees of freedom: the upper tail is exp(-x / 2).
+        let off = fix(SIGMA, &turned(&seen, 2, 4.0 * SIGMA));
+        let expected = (-off.sigma0 * off.sigma0).exp();
+        assert!((off.p_value / expected - 1.0).abs() < 1e-9);
+        assert!((off.uncertainty / exact.uncertainty / off.sigma0 - 1.0).abs() < 0.05);
+        assert!(off.refuse_contradiction().is_ok());
+        // A standard deviation that is not stated is that of the residuals.
+        let unstated = fix(1.0, &turned(&seen, 2, 4.0 * SIGMA));
+        assert!(unstated.p_value.is_nan());
+        assert!((unstated.uncertainty / off.uncertainty - 1.0).abs() < 1e-9);
+        // Clockwise bearings fit nowhere.
+        let clockwise: Bearings<_> = seen
+            .iter()
+            .map(|(point, bearing)| (*point, bearing.inverse()))
+            .collect();
+        let found = fix(SIGMA, &clockwise).refuse_contradiction();
+        assert!(
+            matches!(
+                found,
+                Err(Error::Degenerate {
+                    kind: Degeneracy::ContradictoryBearings,
+                    ..
+                })
+            ),
+            "{found:?}"
+        );
     }
 }
