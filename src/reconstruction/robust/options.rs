@@ -264,8 +264,9 @@ pub struct IdentityOptions {
     pub iterations: usize,
     /// Two maps that explain shares of the bearings which differ by less are told apart by their costs.
     pub telling: f64,
-    /// Share that a map must explain after assignment for its identities to be believed. Of 12 x 15 with 30 to 50 % of
-    /// the identities exchanged the true maps explain at least 90 %, the wrong ones at most 67 % (`benches/identities.rs`).
+    /// Share that a map must explain after assignment for its identities to be believed. At 12 x 15 with 30 to 50 % of the
+    /// identities exchanged, true maps explain at least 90 %, and so do maps in which a view or a landmark is wrong; maps
+    /// that are wrong as a whole mostly explain less than 67 % (`benches/identities.rs`).
     pub believed: f64,
     /// Share by which the assignment must explain more than the inliers of a map for the map to be estimated from the
     /// bearings that keep their labels. Below it the inliers tell the outliers well enough: a third of the outliers
