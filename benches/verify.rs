@@ -124,8 +124,8 @@ fn print(cell: &Cell, runs: &[Run]) {
         let searched = runs.iter().filter(|run| run.verdict == Verdict::Searched);
         let mut values: Vec<f64> = searched.map(of).collect();
         values.sort_by(f64::total_cmp);
-        [0.5, 0.9].map(|share| {
-            let place = (share * values.len() as f64) as usize;
+        [50, 90].map(|percent| {
+            let place = percent * values.len() / 100;
             values.get(place).copied().unwrap_or(f64::NAN)
         })
     };
