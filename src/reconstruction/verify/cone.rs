@@ -13,12 +13,12 @@ use crate::error::Error;
 use crate::float::Float;
 use crate::kernels::{CalibratedTensor, Triple};
 use crate::problem::Problem;
+use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 use nalgebra::{DMatrix, Vector6};
 
 /// Where the tensor of three views is in every map of lower cost.
-#[expect(clippy::large_enum_variant, reason = "there is one at a time")]
 pub enum Localisation {
     /// No three views share enough landmarks.
     TooFewShared,
@@ -27,7 +27,7 @@ pub enum Localisation {
     /// Anywhere.
     Anywhere,
     /// In a cone.
-    Cone(Cone),
+    Cone(Box<Cone>),
 }
 
 /// A cone of tensors of three views, elliptic.
@@ -61,14 +61,15 @@ impl Cone {
     }
 }
 
-/// The bearings of a system of three views, its singular values, the smallest first, and its right singular vectors.
-type Decomposition = (Vec<Triple<f64>>, [f64; 6], [Vector6<f64>; 6]);
-
-/// The system of three views that share landmarks.
+/// The system of three views that share landmarks, decomposed.
 struct System {
     views: [usize; 3],
-    /// Its singular values, the smallest first.
+    /// The bearings of the landmarks, one for each row.
+    triples: Vec<Triple<f64>>,
+    /// The singular values, the smallest first.
     values: [f64; 6],
+    /// Their right singular vectors.
+    axes: [Vector6<f64>; 6],
 }
 
 /// Bounds the tensors of three views in all maps of lower cost, by the triple that confines them most.
@@ -97,16 +98,15 @@ pub fn localise(
     let mut systems = Vec::with_capacity(drawn.len());
     for (done, &views) in drawn.iter().enumerate() {
         goes_on(progress, "verify", done, drawn.len())?;
-        let decomposed = decompose(problem, found, views);
-        systems.extend(decomposed.map(|(_, values, _)| System { views, values }));
+        systems.extend(decompose(problem, found, views));
     }
     if systems.is_empty() {
         return Ok(Localisation::TooFewShared);
     }
     // The most costly first, so that the disjoint ones that are chosen one by one cost much.
     systems.sort_by(|a, b| b.values[0].total_cmp(&a.values[0]));
-    let mut best: Option<([usize; 3], [f64; 5])> = None;
-    for system in &systems {
+    let mut best: Option<(usize, [f64; 5])> = None;
+    for (k, system) in systems.iter().enumerate() {
         let [least, others @ ..] = system.values;
         let excess = 4.0 * (2.0 * found.cost - least_cost_beside(problem, &systems, system));
         let excess = excess - least * least;
@@ -114,22 +114,25 @@ pub fn localise(
             return Ok(Localisation::Nowhere(system.views));
         }
         let sines = others.map(|value| (excess / (value * value - least * least)).sqrt());
-        // Also where it is NaN.
         let is_narrower = best.is_none_or(|(_, narrowest)| sines[0] < narrowest[0]);
         if sines[0] < 1.0 && is_narrower {
-            best = Some((system.views, sines));
+            best = Some((k, sines));
         }
     }
-    let cone = best.and_then(|(views, sines)| {
-        let (triples, _, axes) = decompose(problem, found, views)?;
-        Some(Cone {
+    Ok(best.map_or(Localisation::Anywhere, |(k, sines)| {
+        let System {
+            views,
+            triples,
+            axes,
+            ..
+        } = systems.swap_remove(k);
+        Localisation::Cone(Box::new(Cone {
             views,
             triples,
             axes,
             sines,
-        })
-    });
-    Ok(cone.map_or(Localisation::Anywhere, Localisation::Cone))
+        }))
+    }))
 }
 
 /// The sum of s1^2 / 4 over triples of views that have no view in common with each other or with a given one, chosen one
@@ -138,7 +141,7 @@ fn least_cost_beside(problem: &Problem, systems: &[System], of: &System) -> f64 
     let mut used = vec![false; problem.views()];
     of.views.iter().for_each(|&view| used[view] = true);
     let mut sum = 0.0;
-    for System { views, values } in systems {
+    for System { views, values, .. } in systems {
         if values[0] > 0.0 && views.iter().all(|&view| !used[view]) {
             views.iter().for_each(|&view| used[view] = true);
             sum += 0.25 * values[0] * values[0];
@@ -147,14 +150,9 @@ fn least_cost_beside(problem: &Problem, systems: &[System], of: &System) -> f64 
     sum
 }
 
-/// The landmarks of three views as rows of their system, each over the largest standard deviation of its bearings: these
-/// bearings, the singular values and right singular vectors, those of the smallest value first. `None` where too few
-/// have residuals.
-fn decompose(
-    problem: &Problem,
-    found: &Reconstruction,
-    views: [usize; 3],
-) -> Option<Decomposition> {
+/// The system of three views, each row over the largest standard deviation of its bearings. `None` where too few
+/// landmarks have residuals in all three.
+fn decompose(problem: &Problem, found: &Reconstruction, views: [usize; 3]) -> Option<System> {
     let (triples, landmarks) = common_bearings(problem, views);
     let mut rows = Vec::with_capacity(triples.len());
     for (triple, landmark) in triples.iter().zip(landmarks) {
@@ -175,15 +173,14 @@ fn decompose(
         }
     }
     let decomposed = singular_values(&matrix)?;
+    // Those of the decomposition begin with the largest.
     let last = |k: usize| 5 - k;
-    let values = core::array::from_fn(|k| decomposed.values[last(k)]);
-    let axes =
-        core::array::from_fn(|k| Vector6::from_fn(|row, _| decomposed.right[(row, last(k))]));
-    Some((
-        rows.into_iter().map(|(triple, _)| triple).collect(),
-        values,
-        axes,
-    ))
+    Some(System {
+        views,
+        triples: rows.into_iter().map(|(triple, _)| triple).collect(),
+        values: core::array::from_fn(|k| decomposed.values[last(k)]),
+        axes: core::array::from_fn(|k| Vector6::from_fn(|row, _| decomposed.right[(row, last(k))])),
+    })
 }
 
 /// One over the largest standard deviation with which three views see a landmark; `None` where the map does not explain
@@ -341,7 +338,9 @@ mod tests {
         let problem = Problem::new(9, 1, &[]).unwrap();
         let system = |views, least| System {
             views,
+            triples: Vec::new(),
             values: [least, 9.0, 9.0, 9.0, 9.0, 9.0],
+            axes: [Vector6::zeros(); 6],
         };
         let systems = [
             system([0, 1, 2], 8.0),
