@@ -26,7 +26,7 @@ pub struct LabelChange {
 ///
 /// In each view all bearings are assigned anew to the landmarks of the map, at the least sum of squared residuals over
 /// sigma, each truncated at three sigma, with a little preference for their own labels; the map is refined, and this is
-/// repeated. Left alone are bearings that a second landmark explains within two sigma, those that would displace them,
+/// repeated. Left alone are bearings that their own landmark explains within two sigma, those that would displace them,
 /// views that the map does not have, and bearings that no landmark explains, unless their label goes to another bearing:
 /// they then take one that is left.
 ///
@@ -88,8 +88,8 @@ pub fn relabel(
     Ok((problem.relabelled(&labels), changes.collect()))
 }
 
-/// Gives the bearings of a view that two landmarks explain within `bound` their own labels again, and so those that
-/// have taken these.
+/// Gives the bearings of a view that the landmarks of their own labels explain within `bound` these again, and so those
+/// that have taken them.
 fn keep_ambiguous(problem: &Problem, map: &Map, view: usize, labels: &mut [usize], bound: f64) {
     let (Some(pose), seen) = (&map.poses[view], problem.of_view(view)) else {
         return;
@@ -100,8 +100,7 @@ fn keep_ambiguous(problem: &Problem, map: &Map, view: usize, labels: &mut [usize
         })
     };
     let ambiguous: Vec<usize> = (0..seen.len())
-        .filter(|&k| labels[k] != seen[k].landmark)
-        .filter(|&k| (0..problem.landmarks()).any(|j| j != labels[k] && explains(k, j)))
+        .filter(|&k| labels[k] != seen[k].landmark && explains(k, seen[k].landmark))
         .collect();
     for k in ambiguous {
         // Along the chain of those that have taken the label of the one before: each has its own in the end.

