@@ -78,7 +78,7 @@ def relabel(
     Examples
     --------
     >>> from bearslam import relabel, simulate, solve
-    >>> scene = simulate("mixed", 12, 15, noise=0.01, seed=1, outliers=0.3, outlier_kind="exchanged")
+    >>> scene = simulate("mixed", 12, 15, noise=0.01, seed=3, outliers=0.3, outlier_kind="exchanged")
     >>> result = solve(scene.bearings, sigma=0.01, robust=True)
     >>> repaired, changes = relabel(scene.bearings, result, sigma=0.01)
     >>> solve(repaired, sigma=0.01, robust=True).inliers.sum() > result.inliers.sum() + 40
