@@ -29,8 +29,8 @@ pub struct TestOptions {
     /// ... or a residual is above so many standard deviations: the tests take as long as a covariance.
     pub suspicious_deviations: f64,
     /// Degrees of freedom for each outlier below which the inliers of a robust map may agree by chance, unless it explains
-    /// enough once identities are assigned anew. Of 12 x 15 wrong maps have at most 0.45, maps with 40 % random bearings
-    /// 0.6 or more (`benches/identities.rs`).
+    /// enough once identities are assigned anew. By counting, 12 x 15 with 40 % wrong leaves 0.6. Chosen, not set from data:
+    /// maps of which one view or landmark is wrong have more (`benches/identities.rs`).
     pub weak_spare: f64,
     /// The share of the bearings that is enough, as `believed` of [`IdentityOptions`].
     pub believed: f64,
