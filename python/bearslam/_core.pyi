@@ -22,6 +22,7 @@ class RawFixes(TypedDict):
     rms: _Float
     sigma0: _Float
     p_value: _Float
+    poor: NDArray[np.bool_]
     uncertainty: _Float
 
 @type_check_only

@@ -24,6 +24,11 @@ pub struct TestOptions {
     /// A sensor that is turned or mirrored explains a poor fit that with it is good, or has less than this share of the
     /// squares: other errors may be there as well.
     pub explained: f64,
+    /// Angle \[rad\] from which on a sensor is far off: beyond what a mount is adjusted by.
+    pub far_off: f64,
+    /// Share of the degrees of freedom that the map of a sensor that is far off, or mirrored, may lack: landmarks that a
+    /// contradictory map places may have no range in the right one.
+    pub lost: f64,
     /// Single observations are tested where the probability of the fit is below this, ...
     pub suspicious: f64,
     /// ... or a residual is above so many standard deviations: the tests take as long as a covariance.
@@ -47,6 +52,8 @@ impl Default for TestOptions {
             blunder_significance: 5e-4,
             most_blunders: 10,
             explained: 0.1,
+            far_off: 0.2,
+            lost: 0.1,
             suspicious: 0.05,
             suspicious_deviations: 3.0,
             weak_spare: 0.55,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
 //! How well a landmark is known from given poses, or a pose from given landmarks.
 
+use super::alarm::{TestOptions, is_poor};
 use super::distributions::upper_tail;
 use crate::error::{Degeneracy, Error};
 #[cfg(not(feature = "std"))]
@@ -45,6 +46,8 @@ pub struct Fix<const N: usize> {
     /// Standard deviation of unit weight: root of the sum of `(r / sigma)^2` over the redundancy, the number of
     /// sightings minus `N`. About 1 if `sigma` is right; NaN without redundancy.
     pub sigma0: f64,
+    /// Redundancy.
+    pub freedom: usize,
     /// The probability that errors of the standard deviation `sigma` leave residuals as large as these (chi-square
     /// test); NaN without redundancy.
     pub p_value: f64,
@@ -118,6 +121,13 @@ fn weight(sigma: f64) -> Result<f64, Error> {
 const SINGULAR: f64 = 64.0 * f64::EPSILON;
 
 impl<const N: usize> Fix<N> {
+    /// Whether the residuals are larger than errors of the tolerated multiple of `sigma` would be, as
+    /// [`Alarm::PoorFit`](crate::Alarm::PoorFit). Never where no `sigma` is stated, or nothing is redundant.
+    pub fn is_poor(&self, options: &TestOptions) -> bool {
+        let square = self.sigma0 * self.sigma0 * self.freedom as f64;
+        !self.p_value.is_nan() && is_poor(square, self.freedom, options)
+    }
+
     /// Refuses a position that the bearings contradict.
     ///
     /// # Errors
@@ -177,11 +187,10 @@ impl<const N: usize> Fix<N> {
             return Err(singular(pivot));
         }
         let covariance = scale * factor.inverse() * scale;
-        let redundancy = count - N;
+        let freedom = count - N;
         let is_stated = weight > 1.0;
-        let freedom = redundancy as f64;
-        let sigma0 = if redundancy > 0 {
-            (squares / freedom).sqrt()
+        let sigma0 = if freedom > 0 {
+            (squares / freedom as f64).sqrt()
         } else {
             f64::NAN
         };
@@ -193,8 +202,9 @@ impl<const N: usize> Fix<N> {
             covariance,
             rms: (squares / count as f64).sqrt() / weight,
             sigma0,
-            p_value: if is_stated && redundancy > 0 {
-                upper_tail(squares, freedom)
+            freedom,
+            p_value: if is_stated && freedom > 0 {
+                upper_tail(squares, freedom as f64)
             } else {
                 f64::NAN
             },
@@ -397,6 +407,11 @@ mod tests {
         assert!((off.p_value / expected - 1.0).abs() < 1e-9);
         assert!((off.uncertainty / exact.uncertainty / off.sigma0 - 1.0).abs() < 0.05);
         assert!(off.refuse_contradiction().is_ok());
+        // A probability of one in a thousand, and of one in fifty for errors of 1.5 sigma.
+        let options = TestOptions::default();
+        assert!(!exact.is_poor(&options) && !off.is_poor(&options));
+        assert!(fix(SIGMA, &turned(&seen, 2, 20.0 * SIGMA)).is_poor(&options));
+        assert!(!fix(1.0, &turned(&seen, 2, 20.0 * SIGMA)).is_poor(&options));
         // A standard deviation that is not stated is that of the residuals.
         let unstated = fix(1.0, &turned(&seen, 2, 4.0 * SIGMA));
         assert!(unstated.p_value.is_nan());

@@ -85,7 +85,7 @@ pub fn turned_or_mirrored(
         };
         let least = turned.least(&map, angle, look)?;
         // A small angle is no reason to leave anything out.
-        let is_large = |angle: f64| is_mirrored || angle.abs() > LARGE;
+        let is_large = |angle: f64| is_mirrored || angle.abs() > options.far_off;
         let is_whole = |fit: &Fit| fit.freedom >= whole.freedom;
         let least = least.filter(|(angle, fit)| is_large(*angle) || is_whole(fit));
         if let Some((angle, _)) = least.filter(|(_, fit)| whole.is_explained_by(fit, options)) {
@@ -187,13 +187,6 @@ fn angle_of_sensor(problem: &Problem, map: &Map) -> f64 {
     sum.im.atan2(sum.re)
 }
 
-/// A map of a sensor that is far off may lose one in so many degrees of freedom: landmarks that a contradictory map places
-/// may have no range in the right one.
-const LOST: usize = 10;
-
-/// Angle \[rad\] from which on a sensor is far off.
-const LARGE: f64 = 0.2;
-
 /// The sum of squares of a map and its degrees of freedom.
 #[derive(Clone, Copy)]
 struct Fit {
@@ -215,7 +208,7 @@ impl Fit {
         let Some(freedom) = other.freedom.checked_sub(1).filter(|f| *f > 0) else {
             return false;
         };
-        if other.freedom < self.freedom - self.freedom / LOST {
+        if (other.freedom as f64) < (1.0 - options.lost) * self.freedom as f64 {
             return false;
         }
         if other.freedom > self.freedom + 1 && !is_poor(other.square, freedom, options) {

@@ -4,7 +4,7 @@
 use super::convert::{self, Floats};
 use super::errors;
 use super::observer::InterpreterObserver;
-use crate::{Error, Fix};
+use crate::{Error, Fix, TestOptions};
 
 use alloc::vec::Vec;
 use numpy::{PyArray1, PyArray2, PyArray3};
@@ -18,6 +18,8 @@ pub struct Fixes<'py> {
     rms: Bound<'py, PyArray1<f64>>,
     sigma0: Bound<'py, PyArray1<f64>>,
     p_value: Bound<'py, PyArray1<f64>>,
+    /// Whether the fit is too poor for what is stated.
+    poor: Bound<'py, PyArray1<bool>>,
     uncertainty: Bound<'py, PyArray1<f64>>,
 }
 
@@ -32,6 +34,8 @@ impl<'py> Fixes<'py> {
             let each = |fix: &Option<Fix<N>>| fix.as_ref().map_or(f64::NAN, number);
             PyArray1::from_iter(py, fixes.iter().map(each))
         };
+        let options = TestOptions::default();
+        let is_poor = |fix: &Option<Fix<N>>| fix.is_some_and(|fix| fix.is_poor(&options));
         // Symmetric: the order of columns is that of rows.
         let entries = fixes.iter().flat_map(|fix| {
             let entry = move |k: usize| fix.map_or(f64::NAN, |fix| fix.covariance[k]);
@@ -44,6 +48,7 @@ impl<'py> Fixes<'py> {
             rms: numbers(|fix| fix.rms),
             sigma0: numbers(|fix| fix.sigma0),
             p_value: numbers(|fix| fix.p_value),
+            poor: PyArray1::from_iter(py, fixes.iter().map(is_poor)),
             uncertainty: numbers(|fix| fix.uncertainty),
         })
     }

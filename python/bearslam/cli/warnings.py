@@ -8,6 +8,7 @@ import math
 from bearslam.cli.report import name, percent
 from bearslam.data.doubts import doubts
 from bearslam.data.estimate import outliers
+from bearslam.data.fix import DOUBTFUL
 from bearslam.errors import BearslamError
 from bearslam.reconstruction import Reconstruction
 
@@ -15,8 +16,6 @@ __all__ = ["warnings"]
 
 MANY = 1 / 3
 """Share of outliers above which a robust map is no longer to be trusted."""
-DOUBTFUL = 0.2
-"""Uncertainty of a map, as a share of its size, above which it is no longer to be trusted."""
 ROUGH = 0.1
 """Expected error of the landmarks up to which no more than the worst view or landmark is doubtful then."""
 

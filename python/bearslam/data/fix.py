@@ -15,14 +15,10 @@ from bearslam.errors import AmbiguousWarning, PoorFitWarning
 if TYPE_CHECKING:
     from bearslam._core import RawFixes
 
-__all__ = ["Fix", "fix_from_core", "warn_of_doubts"]
+__all__ = ["DOUBTFUL", "Fix", "fix_from_core", "warn_of_doubts"]
 
-UNLIKELY = 1e-3
-"""Probability of residuals as large as these below which there is a warning."""
-TOLERATED = 1.5
-"""Nobody knows sigma better than to this factor: a fit with `sigma0` within it is no reason for a warning."""
 DOUBTFUL = 0.2
-"""Uncertainty of a position, as a share of its range, above which there is a warning."""
+"""Uncertainty of a position as a share of its range, or of a map as a share of its size, that is not to be trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +71,7 @@ def fix_from_core(raw: RawFixes, *, single: bool) -> Fix:
 
 def warn_of_doubts(raw: RawFixes, noun: str, *, single: bool) -> None:
     """Warn of fixes that are not to be trusted: one warning of each kind, at the caller of the verb."""
-    poor = (raw["p_value"] < UNLIKELY) & (raw["sigma0"] > TOLERATED)
+    poor = raw["poor"]
     loose = raw["uncertainty"] > DOUBTFUL
     for found, category, what, advice in (
         (

@@ -30,25 +30,11 @@ impl Candidate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::problem::Map;
     use alloc::vec;
-    use alloc::vec::Vec;
 
     fn candidate(inliers: &[bool], cost: f64, views: [usize; 3]) -> Candidate {
-        let consensus = Consensus {
-            map: Map::empty(1, 1),
-            inliers: inliers.to_vec(),
-            cost,
-            report: crate::adjustment::Report {
-                cost,
-                termination: crate::lm::Termination::Converged,
-                iterations: 0,
-                undetermined: Vec::new(),
-                loss: crate::lm::Loss::Squared,
-            },
-        };
         Candidate {
-            consensus,
+            consensus: Consensus::with_inliers(inliers, cost),
             views,
             explained: 0,
         }

@@ -253,6 +253,23 @@ pub fn without_finish(options: &SolveOptions) -> SolveOptions {
 }
 
 impl Consensus {
+    /// A fixed point with these inliers and this cost, of no map.
+    #[cfg(test)]
+    pub fn with_inliers(inliers: &[bool], cost: f64) -> Self {
+        Self {
+            map: Map::empty(1, 1),
+            inliers: inliers.to_vec(),
+            cost,
+            report: Report {
+                cost,
+                termination: Termination::Converged,
+                iterations: 0,
+                undetermined: Vec::new(),
+                loss: Loss::Squared,
+            },
+        }
+    }
+
     /// The same refined further, in at most so many iterations, where a comparison has ended its refinement.
     ///
     /// # Errors

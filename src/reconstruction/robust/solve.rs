@@ -427,32 +427,17 @@ pub fn reconstruction(
 mod tests {
     use super::*;
 
-    fn consensus(inliers: &[bool], cost: f64) -> Consensus {
-        Consensus {
-            map: Map::empty(1, 1),
-            inliers: inliers.to_vec(),
-            cost,
-            report: crate::adjustment::Report {
-                cost,
-                termination: crate::lm::Termination::Converged,
-                iterations: 0,
-                undetermined: Vec::new(),
-                loss: crate::lm::Loss::Squared,
-            },
-        }
-    }
-
     /// Half of the bearings right, one of 2 to the 15th samples of five landmarks in three views is free of outliers.
     #[test]
     fn good_samples_have_no_outlier() {
-        let half = consensus(&[true, false, true, false], 1.0);
+        let half = Consensus::with_inliers(&[true, false, true, false], 1.0);
         assert_eq!(good_samples(&half), 0.5_f64.powi(15));
-        assert_eq!(good_samples(&consensus(&[true; 3], 1.0)), 1.0);
+        assert_eq!(good_samples(&Consensus::with_inliers(&[true; 3], 1.0)), 1.0);
     }
 
     #[test]
     fn the_best_costs_least() {
-        let costs = [3.0, 1.0, 2.0].map(|cost| consensus(&[true], cost));
+        let costs = [3.0, 1.0, 2.0].map(|cost| Consensus::with_inliers(&[true], cost));
         assert_eq!(best_of(costs.into_iter()).unwrap().cost, 1.0);
         assert_eq!(
             best_of(core::iter::empty::<Consensus>()).err(),
